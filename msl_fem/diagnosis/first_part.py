@@ -1,4 +1,4 @@
-"""What the first part of a long record tells at once: where its stretches may be cut, and which candidates lead.
+"""What the first part of a long record tells at once: which candidates lead.
 
 What a cause of some per cent leaves in a record of many seconds is hundreds of times what names it, and each look at a
 candidate costs as much as the record is long. So all are looked at over the first stretches: which lead there is looked
@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
-from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, ROUGH, Refinement, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
@@ -49,19 +48,14 @@ def best_first(
     return whole.best_first(candidates)
 
 
-def first_part(whole: Likelihood) -> tuple[Likelihood, NDArray[np.bool_]]:
-    """That of the first stretches of a long record, all of another, and which of the numbers, (n_number,), are its."""
-    samples = sum(len(run.commands) for run in whole.problem.runs) if whole.is_cut else 0
-    if samples < LONGER * SAMPLES:
-        return whole, np.ones(0, dtype=bool)
-    return whole.first(SAMPLES)
-
-
 def _over_first_part(base: Fit) -> Fit | None:
     """A fit led to its end over the first part of a long record; None where that is not worth it."""
-    likelihood, numbers = first_part(base.likelihood)
-    if likelihood is base.likelihood or max(base.excess.values()) <= QUIET:
+    whole = base.likelihood
+    if not whole.is_cut or max(base.excess.values()) <= QUIET:
         return None
+    if sum(len(run.commands) for run in whole.problem.runs) < LONGER * SAMPLES:
+        return None
+    likelihood, numbers = whole.first(SAMPLES)
     if base.objective - base.nats_of_noise < PLENTY * base.residual.size / np.count_nonzero(numbers):
         return None
     there = fit_there(likelihood, base.unknowns, base.z, base.jacobian[numbers])

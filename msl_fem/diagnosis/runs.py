@@ -10,11 +10,10 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.decision import Rule
-from msl_fem.diagnosis.first_part import first_part
 from msl_fem.diagnosis.fit import FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
 from msl_fem.diagnosis.left_out import about_invalid, left_outside, runs_inside
-from msl_fem.diagnosis.likelihood import Columns, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
 from msl_fem.diagnosis.outside import Dependence, dependences
@@ -133,13 +132,9 @@ class Runs(Kind):
             cuts.append(None if cut is None else shot.split(cut))
         static = map_beside(self.record, self.belief)
         likelihood, unknowns = _likelihood(replace(problem, stretches=tuple(cuts)), self.unknowns, static)
-        first, numbers = first_part(likelihood)
-        found = fit(first, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH_BEGINNING, tell=tell))
+        found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=FitPlan(enough=ROUGH_BEGINNING, tell=tell))
         if found.sane is not None:
             return None
-        if first is not likelihood:  # all of it tells as much more
-            told = Columns(None, found.columns.gram * numbers.size / np.count_nonzero(numbers))
-            found = replace(found, columns=told)
         renewed = self.renewed(found)
         return None if _loses(renewed, found) else renewed
 
