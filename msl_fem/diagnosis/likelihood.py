@@ -293,16 +293,16 @@ class Likelihood:
         problem = self.problem.first(samples)
         kept = [part.stop <= len(problem.runs[run].commands) for run, part in self.problem.pieces]
         lines, band_of = tuple(compress(self.bands.lines, kept)), tuple(compress(self.bands.band_of, kept))
-        sizes = [2 * lines * len(self.problem.channels(run)) for lines, run in self._lines_and_runs]
-        numbers = np.repeat(kept, sizes)
+        numbers = np.repeat(kept, self._sizes_of_pieces)
         beside = np.ones(self.labels.size - numbers.size, dtype=bool)  # a map's rows
         bands = replace(self.bands, lines=lines, band_of=band_of)
         return replace(self, problem=problem, bands=bands), np.concatenate([numbers, beside])
 
     @property
-    def _lines_and_runs(self) -> list[tuple[int, int]]:
-        """(lines, run) of each piece."""
-        return [(lines, run) for lines, (run, _) in zip(self.bands.lines, self.problem.pieces, strict=True)]
+    def _sizes_of_pieces(self) -> list[int]:
+        """How many numbers each piece has."""
+        each = zip(self.bands.lines, self.problem.pieces, strict=True)
+        return [2 * lines * len(self.problem.channels(run)) for lines, (run, _) in each]
 
     def gathering(self, runs: GatheredRuns | None) -> "Likelihood":
         """The same, its simulations run where they meet with those of other fits."""
@@ -453,8 +453,8 @@ class Likelihood:
     def _places_of_runs(self) -> list[slice]:
         """Where the numbers of each run stand."""
         sizes = np.zeros(len(self.problem.runs), dtype=int)
-        for lines, (run, _) in zip(self.bands.lines, self.problem.pieces, strict=True):
-            sizes[run] += 2 * lines * len(self.problem.channels(run))
+        for size, (run, _) in zip(self._sizes_of_pieces, self.problem.pieces, strict=True):
+            sizes[run] += size
         ends = np.cumsum(sizes)
         return [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
 

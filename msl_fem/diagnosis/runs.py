@@ -57,10 +57,10 @@ OF_ALL_RUNS = 0.5
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
 """Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
-STEPS_A_TURN = 40.0
-"""Coarse steps in which a second resonance turns once at least; the method of fourth order errs by 2e-4 of it then."""
 COMPARABLE = 2.0
 """Times the nats by which runs in fine steps differ from these, by which those in coarse ones may."""
+STEPS_A_TURN = 40.0
+"""Coarse steps in which a second resonance turns once at least; the method of fourth order errs by 2e-4 of it then."""
 Cuts = tuple[Stretches | None, ...]
 
 
