@@ -75,10 +75,14 @@ def restart(
         state[n] = value
     if e is not None:
         _keep_currents(cells, p, e, state, work, length)
+    first, second = starts[0] - state[COIL_1], starts[1] - state[COIL_2]
     for side in range(2):
-        by = starts[side] - state[COIL_1 + side]
+        own, other = (first, second) if side == 0 else (second, first)
+        by = own
+        if e is not None:
+            by = own + e[magnetic.SHARE] * other
         state[I1 + side] = state[I1 + side] + by
-        state[COIL_1 + side] = state[COIL_1 + side] + by
+        state[COIL_1 + side] = state[COIL_1 + side] + own
         work[KNOWN_1 + side * N_KNOWN + KNOWN_VALUE] = work[KNOWN_1 + side * N_KNOWN + KNOWN_VALUE] + by
     by = starts[2] - state[X]
     state[SENSOR] = state[SENSOR] + by
