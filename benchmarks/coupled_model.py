@@ -20,7 +20,8 @@ from msl_fem.actuator import load_actuator
 from msl_fem.plant import PlantParameters, Surface, kernel, layout, plant_parameters, surface_of
 from msl_fem.plant.effects import CATALOGUE, EffectValues
 from msl_fem.plant.excitation import Inputs, excitation_inputs, parse_excitation
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.layout import initial_state
 from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.table.magnetic_table import MagneticTable, read_table

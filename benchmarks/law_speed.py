@@ -16,7 +16,8 @@ from msl_fem.actuator import load_actuator
 from msl_fem.computing.laws import parse_expression
 from msl_fem.plant import Inputs, kernel, layout, plant_parameters, surface_of
 from msl_fem.plant.effects import EffectValues, declared
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.preparation import effect_coefficients, start_effects
 from msl_fem.table.magnetic_table import read_table
 

@@ -238,8 +238,9 @@ class Likelihood:
     def _fill(self, found: Array, moves: Array, run: int, points: Points) -> None:
         """Writes a run's part of the numbers (n_row, n_own), and what moves its starts, (n_row, n_move); simulated,
         transformed and forgotten group by group."""
-        problem, substeps = replace(self.problem, threads=1), self.substeps
         threads = self.threads if self.gathered is None else self.gathered.threads
+        groups = batches(self.problem, points, run, substeps=self.substeps, threads=threads)
+        problem, substeps = replace(self.problem, threads=threads if len(groups) == 1 else 1), self.substeps
 
         def fill(rows: NDArray[np.intp]) -> None:
             numbers, by = [], []
@@ -250,7 +251,7 @@ class Likelihood:
             found[rows], moves[rows] = np.concatenate(numbers), np.concatenate(by)
 
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(fill, batches(problem, points, run, substeps=substeps, threads=threads)))
+            list(pool.map(fill, groups))
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""

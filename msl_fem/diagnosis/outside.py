@@ -27,7 +27,8 @@ from msl_fem.diagnosis.problem import instrument_line, reading, states
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.plant import layout
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import LaneRun, run_lanes
 from msl_fem.plant.plant import FORCE_DRIVE
 from msl_fem.prediction import KernelPlant, ModelHypothesis, RunData, Start, measured_start
 from msl_fem.prediction.hypothesis import plant_in_run, plant_of_run

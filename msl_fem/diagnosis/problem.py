@@ -15,7 +15,8 @@ from msl_fem.errors import InputError
 from msl_fem.plant import Surface
 from msl_fem.plant.effects import neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import FEW, LaneRun, LaneSettings, run_lanes, told_apart
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import FEW, LaneRun, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
@@ -173,8 +174,8 @@ def batches(
     problem: FitProblem, points: Points, run: int, *, substeps: int, threads: int = 1
 ) -> list[NDArray[np.intp]]:
     """The rows in groups of equal steps, each of as many runs as the kernel advances at a time: what bounds the memory.
-    Rows that it sees as alike, since what instruments read alone differs, are in one group. A few runs left over are
-    shared among threads that have nothing else to do."""
+    Rows that it sees as alike, since what instruments read alone differs, are in one group. A few runs left over of
+    several groups are shared among threads that have nothing else to do."""
     fine = points.wants_fine | (problem.coarse is None)
     found = []
     for rows in filter(len, (np.flatnonzero(~fine), np.flatnonzero(fine))):
@@ -188,7 +189,7 @@ def batches(
         whole, over = divmod(int(place.max()) + 1, LANES)
         idle = threads - whole % threads
         group = place // LANES
-        if over <= FEW * idle:
+        if whole and over <= FEW * idle:
             left = place >= whole * LANES
             group[left] += place[left] % LANES % idle
         found += [rows[group == n] for n in np.unique(group)]
@@ -276,6 +277,7 @@ def _lane_settings(
         threads=problem.threads,
         begins=None if cut is None else cut.begins,
         quantities=frozenset(data.channels[name].quantity for name in problem.channels(run)),
+        in_segments=True,
     )
     return surface, plants, settings
 

@@ -6,7 +6,8 @@ stability, and records of simulated runs. `kernel` is the time loop itself, for 
 
 from msl_fem.plant.energy import EnergyAudit
 from msl_fem.plant.excitation import Inputs, excitation_inputs
-from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import LaneRun, run_lanes
 from msl_fem.plant.linearisation import Linearisation, linearise
 from msl_fem.plant.open_loop import bearable_run, check_open_loop, refused_unless_borne
 from msl_fem.plant.operating_point import (

@@ -71,9 +71,9 @@ def test_rows_of_different_steps_are_in_groups_of_their_own(monkeypatch: pytest.
     [
         (8, 2, [8]),
         (3, 1, [3]),
-        (3, 2, [2, 1]),  # one by one, on both threads
-        (4, 2, [2, 2]),
-        (5, 2, [5]),  # eight together are as fast
+        (1, 2, [1]),
+        (3, 2, [3]),  # by all threads, in segments where there are such
+        (5, 2, [5]),
         (11, 2, [8, 3]),  # beside the eight of the other thread
         (19, 2, [8, 8, 2, 1]),
         (19, 3, [8, 8, 3]),

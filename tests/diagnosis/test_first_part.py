@@ -8,6 +8,7 @@ import levitator
 import numpy as np
 import pytest
 from conftest import ROOT
+from numpy.typing import NDArray
 
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import first_part, search
@@ -21,6 +22,9 @@ from msl_fem.diagnosis.refits import NEAR, Refinement, Refit
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.variants import Variant
+from msl_fem.plant import lane_run
+from msl_fem.plant.lane_block import Lanes
+from msl_fem.plant.segments import Segment, segments_for
 from msl_fem.prediction import ModelHypothesis, run_data
 
 PART = 1000  # samples
@@ -65,6 +69,29 @@ def test_the_numbers_of_the_first_stretches_are_those_of_the_whole(kind) -> None
         assert np.array_equal(part.spectra(Points.of(unknowns, rows, of_part)), every[:, numbers])
     assert numbers.sum() == part.labels.size < 0.5 * numbers.size
     assert np.array_equal(part.labels, whole.labels[numbers])
+
+
+@pytest.mark.parametrize(("count", "threads", "segments"), [(1, 1, 8), (3, 2, 5), (9, 2, 8)])
+def test_few_rows_are_followed_in_segments_by_all_threads(
+    kind: Runs, count: int, threads: int, segments: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their numbers are those of runs in one piece."""
+    likelihood = replace(kind.likelihood, problem=replace(kind.likelihood.problem, threads=threads))
+    rows = np.zeros((count, kind.unknowns.size))
+    rows[:, 0] = np.linspace(0.0, 1.0, count)
+    points, cut = Points.of(kind.unknowns, rows), []
+
+    def counted(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
+        found = segments_for(lanes, which)
+        cut.append(len(found))
+        return found
+
+    monkeypatch.setattr(lane_run, "segments_for", counted)
+    found = likelihood.spectra(points)
+    assert max(cut) == segments  # the ninth row has a thread of its own
+    monkeypatch.setattr(lane_run, "segments_for", lambda *_: [None])
+    whole = likelihood.spectra(points)
+    assert np.abs(found - whole).max() < 1e-9 * np.abs(whole).max()
 
 
 def test_a_fit_that_has_not_gone_anywhere(kind, base) -> None:

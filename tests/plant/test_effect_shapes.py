@@ -12,7 +12,8 @@ from msl_fem.errors import InputError
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.effects.magnetic import EDDY_POLES, EDDY_WEIGHTS
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.plant.static_map import static_map

@@ -8,7 +8,8 @@ from effect_sets import effects, rig
 from msl_fem.actuator import Actuator, parse_actuator
 from msl_fem.errors import ActuatorError
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, simulate
 from msl_fem.table.magnetic_table import MagneticTable

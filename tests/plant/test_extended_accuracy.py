@@ -15,7 +15,8 @@ from msl_fem.errors import InputError
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import PARAMETER_INDEX, EffectValues, kernel_coefficients, neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneRun, LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import LaneRun, run_lanes
 from msl_fem.plant.layout import (
     BASE,
     CREEP,

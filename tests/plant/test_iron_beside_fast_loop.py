@@ -7,7 +7,8 @@ from coupled_twin import changed
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.simulate import Options, Simulation, simulate
 from msl_fem.table.magnetic_table import MagneticTable

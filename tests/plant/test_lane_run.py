@@ -12,7 +12,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.lanes import LANES
 from msl_fem.plant.effects import EffectValues, neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import AT_A_TIME, FEW, LaneRun, LaneSettings, run_lanes
+from msl_fem.plant.lane_block import AT_A_TIME, LaneSettings
+from msl_fem.plant.lane_run import FEW, LaneRun, run_lanes
 from msl_fem.plant.layout import N_OUT
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.table.magnetic_table import MagneticTable
@@ -173,6 +174,27 @@ def test_a_coil_s_current_behind_a_stretch_that_went_astray_is_that_of_the_start
     astray = np.abs(drifting.current - still.current).max(axis=(0, 2))
     assert astray[:part].max() > 0.0
     assert astray[part + 1] < most
+
+
+@pytest.mark.parametrize("count", [1, LANES])
+def test_currents_that_leak_to_the_other_side_begin_a_stretch_where_it_says(
+    servo: Actuator, table: MagneticTable, count: int
+) -> None:
+    """A start moves both coils' currents, and each magnetising current by a share of the other's too."""
+    plant, part = plant_parameters(changed(servo, drive={"kind": "voltage"}))._replace(bandwidth=np.inf), 30
+    plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(count)]
+    effects = np.tile(EffectValues({"cross_coupling": {"share": 0.2}}).vector(), (count, 1))
+    starts = np.tile([[0.9, 0.6, 0.0, 0.0], [0.5, 0.7, 0.0, 0.0]], (count, 1, 1))
+    inputs = Inputs(rough(2 * part, level=0.6).commands, 1e5)
+
+    def run_of(inputs: Inputs, begins: list[int], starts: np.ndarray) -> LaneRun:
+        settings = LaneSettings(effects=effects, starts=starts, begins=np.array(begins))
+        return run_lanes(surface_of(table), plants, inputs, substeps=4, settings=settings)
+
+    behind = run_of(inputs, [0, part], starts).current[:, part:]
+    fresh = run_of(Inputs(inputs.commands[part:], inputs.rate), [0], starts[:, 1:]).current
+    assert behind[:, 0] == pytest.approx(np.tile([0.5, 0.7], (count, 1)), rel=1e-12)
+    assert behind == pytest.approx(fresh, rel=1e-9)
 
 
 @pytest.mark.parametrize("time_constant", [1e-4, 2e-3, 1.0])

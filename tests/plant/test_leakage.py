@@ -9,7 +9,8 @@ from effect_sets import ALL_EFFECTS, rough
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.layout import OUT_FLUX_1, OUT_I1, OUT_VOLTAGE_1, OUT_X
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.table.magnetic_table import MagneticTable

@@ -16,7 +16,8 @@ from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant import kernel, layout
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.linearisation import linearise
 from msl_fem.plant.operating_point import equilibria, net_force
 from msl_fem.plant.plant import plant_parameters, surface_of

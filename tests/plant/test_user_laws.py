@@ -22,7 +22,8 @@ from msl_fem.plant import Inputs, simulate
 from msl_fem.plant.effects import CATALOGUE, EffectValues, MoverMotion, declare, declared, needed_force, values_of
 from msl_fem.plant.effects.expressions import LAW_X, motion_laws, parameter_rows, set_addresses, steepest
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model, write_extended_model
-from msl_fem.plant.lane_run import LaneSettings, run_lanes
+from msl_fem.plant.lane_block import LaneSettings
+from msl_fem.plant.lane_run import run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.step_count import rates_of_effects
 

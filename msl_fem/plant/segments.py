@@ -1,0 +1,156 @@
+"""Runs over stretches cut into segments of several, which are advanced at the same time.
+
+A stretch begins from a start of its own; from the one before it has what else a state holds. Where all of that settles
+within a time that is short against a run (lags of drive and sensor, commands that wait), a segment begins so much
+earlier that it has settled: first what commands alone move, then, from a start that none of it has moved, what follows
+mover and coils. Heat, eddy currents, the memory of iron and friction, second masses and a flexure's relaxation, which
+act on the mover that moves them or last long, do not settle so: such runs stay in one piece.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.arrays import Array
+from msl_fem.computing.lanes import LANES
+from msl_fem.plant.effects import electrical, expressions, magnetic, mechanical, sensing, thermal
+from msl_fem.plant.effects.magnetic import N_EDDY
+from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
+from msl_fem.plant.lane_block import Lanes, Parts, in_threads
+from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
+
+SETTLED = 40.0
+"""Time constants in which what a lag has kept is gone, to the last bit."""
+WORTH = 1.5
+"""Times that a run must be longer than the longest of its segments, to be cut."""
+_LASTING = [
+    electrical.HEAT_PER_JOULE,
+    electrical.HEAT_START,
+    thermal.RISE_1,
+    thermal.RISE_2,
+    thermal.CORE_RISE,
+    magnetic.EDDY,
+    *range(magnetic.EDDY_MODE, magnetic.EDDY_MODE + N_EDDY),
+    *range(magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_SLOPE + N_IRON_STOP),
+    *range(mechanical.FRICTION_SLOPE, mechanical.FRICTION_SLOPE + N_STOP),
+    mechanical.MODE_STIFFNESS,
+    mechanical.CREEP_STIFFNESS,
+    mechanical.COMPLIANCE,
+    sensing.FORCE_COSINE,
+    sensing.FORCE_SINE,
+    expressions.LAWS,
+]
+"""Coefficients of what does not settle."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Samples from and to that a segment tells, and the stretch with which it begins to settle."""
+
+    begin: int
+    end: int
+    stretch: int
+
+
+@dataclass(frozen=True)
+class Settling:
+    """Samples in which what a state keeps over a start has settled: of what commands alone move, and of what follows
+    mover and coils; infinite where something does not."""
+
+    of_commands: float
+    of_motion: float
+
+
+def settling_of(p: PlantParameters, e: Array | None, *, crossed: float, step: float, n_step: int) -> Settling:
+    """That of a plant by the coefficients (N_COEFFICIENT,) of its effects for n_step steps of `step` seconds a sample.
+    A slew limit may have to follow commands over all that is `crossed` by them and by what holds a start's currents."""
+    sample, bandwidth, sensor, late = n_step * step, p.bandwidth, p.sensor_bandwidth, 0.0
+    lag = slew = 0.0
+    if e is not None:
+        if np.any(e[_LASTING] != 0.0):
+            return Settling(np.inf, np.inf)
+        bandwidth = e[electrical.BANDWIDTH]
+        sensor = min(e[sensing.SENSOR_BANDWIDTH], e[sensing.COIL_READING_RATE])
+        late = e[electrical.DELAY_SAMPLES] + e[electrical.JUMP_STEP] + e[electrical.JUMP_SHARE]
+        slew, decay = e[electrical.SLEW_TIME], e[electrical.DECAY]
+        if decay > 0.0:
+            lag, slew = step / decay, e[electrical.SOFT] * step / decay
+    driven = SETTLED * (lag + (0.0 if p.drive == CURRENT_DRIVE else 1.0 / bandwidth)) + slew * crossed
+    waits = 0.0 if e is None or late == 0.0 else e[electrical.DELAY_SAMPLES] + 2.0
+    return Settling(float(driven / sample + waits), float(SETTLED / sensor / sample))
+
+
+def segments_of(begins: NDArray[np.int64], n_sample: int, count: int, settling: Settling) -> list[Segment]:
+    """At most `count` segments of about equal length; one where that is not worth it."""
+    whole = [Segment(0, n_sample, 0)]
+    if count < 2 or begins.size < 2 * count or not np.isfinite(settling.of_commands + settling.of_motion):
+        return whole
+    firsts = np.unique(np.searchsorted(begins, np.linspace(0, n_sample, count, endpoint=False)))
+    edges, settles = [*begins[firsts], n_sample], firsts
+    for samples in (settling.of_motion, settling.of_commands):
+        settles = np.maximum(np.searchsorted(begins, begins[settles] - np.ceil(samples), side="right") - 1, 0)
+    made = [Segment(int(a), int(b), int(s)) for a, b, s in zip(edges[:-1], edges[1:], settles, strict=True)]
+    longest = max(one.end - begins[one.stretch] for one in made)
+    return whole if WORTH * longest > n_sample else made
+
+
+def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
+    """Those in which so few lanes are run that vectors and threads would have nothing to do; one where lanes may not be
+    cut."""
+    settings, begins = lanes.settings, lanes.settings.begins
+    if not settings.in_segments or begins is None or lanes.inputs.hold == "linear" or settings.own_inputs:
+        return [Segment(0, lanes.n_sample, 0)]
+    of = []
+    for lane in which:
+        p, effects = lanes.plants[lane], lanes.begun[lane][1]
+        held = settings.starts_of(lane)[:, :2] * (1.0 if p.drive == CURRENT_DRIVE else p.resistance)
+        crossed = np.ptp([held.min(), held.max(), lanes.inputs.commands.min(), lanes.inputs.commands.max()])
+        of.append(settling_of(p, effects, crossed=float(crossed), step=lanes.step, n_step=lanes.substeps))
+    longest = Settling(max(one.of_commands for one in of), max(one.of_motion for one in of))
+    return segments_of(begins, lanes.n_sample, LANES * settings.threads // which.size, longest)
+
+
+def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segment]) -> Array:
+    """(n_column, n_lane, n_sample) of lanes that are each run in segments."""
+    begins = _begins(lanes)
+    firsts = [int(begins[one.stretch]) for one in segments]
+    length = max(one.end - first for one, first in zip(segments, firsts, strict=True))
+    commands, pushes = lanes.inputs.for_sides(lanes.sides), np.asarray(lanes.inputs.disturbance)
+    found = np.empty((lanes.columns.size, which.size, lanes.n_sample))
+
+    def run(units: Sequence[tuple[int, int]]) -> None:
+        filled = [units[min(k, len(units) - 1)] for k in range(LANES)]  # the last one fills up
+        each = [(int(which[n]), segments[m]) for n, m in filled]
+        begun = [lanes.begun_at(lane, lanes.settings.starts_of(lane)[one.stretch]) for lane, one in each]
+        samples = np.arange(length)[:, None] + [firsts[m] for _, m in filled]
+        samples = np.minimum(samples, lanes.n_sample - 1)  # behind its end a lane may go anywhere
+        asked = np.moveaxis(commands[samples], 2, 1)
+        block = lanes.block([lane for lane, _ in each], begun, asked, pushes[samples], _parts(lanes, each, length))
+        for k, (n, m) in enumerate(units):
+            one = segments[m]
+            found[:, n, one.begin : one.end] = block[:, k, one.begin - firsts[m] : one.end - firsts[m]]
+
+    units = [(n, m) for m in range(len(segments)) for n in range(which.size)]
+    in_threads(run, [units[at : at + LANES] for at in range(0, len(units), LANES)], lanes.settings.threads)
+    return found
+
+
+def _begins(lanes: Lanes) -> NDArray[np.int64]:
+    assert lanes.settings.begins is not None
+    return lanes.settings.begins
+
+
+def _parts(lanes: Lanes, each: Sequence[tuple[int, Segment]], length: int) -> Parts:
+    """Where the lanes of a block, each a segment of a run, are put to another start."""
+    begins = _begins(lanes)
+    own = [begins[one.stretch : np.searchsorted(begins, one.end)] - begins[one.stretch] for _, one in each]
+    edges = np.unique(np.concatenate(own))
+    here, lengths = np.empty((edges.size, LANES), dtype=bool), np.zeros((edges.size, LANES))
+    starts = np.empty((edges.size, 4, LANES))
+    for k, ((lane, one), at) in enumerate(zip(each, own, strict=True)):
+        here[:, k] = np.isin(edges, at)
+        lengths[here[:, k], k] = np.diff(at, prepend=0) * lanes.substeps * lanes.step
+        starts[:, :, k] = lanes.settings.starts_of(lane)[one.stretch + np.cumsum(here[:, k]) - 1]
+    return Parts(np.column_stack([edges, [*edges[1:], length]]), here, starts, lengths)
