@@ -165,13 +165,14 @@ def descend(
     *,
     first: M | None = None,
     further: Callable[[P, P], P] | None = None,
+    reached: Callable[[P, M], bool] | None = None,
 ) -> Descent[P, M]:
     """The descent from a start with a finite objective; `first` is the model there where it is known.
 
     `further` makes of two points the one as far again beyond the second. Along a bent valley, or where what is left is
     large and bends as it is lowered, models take each step for nearly the last one; the way of some of them is then
     tried again, twice as far each time as it leads down (the pattern move of Hooke and Jeeves, J. ACM 8, 1961,
-    212-229).
+    212-229). `reached` says whether a point and the model there are all that is asked for.
     """
     how, point, steps = settings, start, 0
     since, gains = start, list[float]()
@@ -184,7 +185,7 @@ def descend(
                 return Descent(point, model, "converged", steps, mu)
             model = objective.model(point, None)
             continue
-        if how.most_steps is not None and steps >= how.most_steps:
+        if (how.most_steps is not None and steps >= how.most_steps) or (reached is not None and reached(point, model)):
             break
         move, promised = model.step(mu)
         trial = objective.moved(point, move)

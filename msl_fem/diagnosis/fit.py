@@ -15,6 +15,7 @@ round to round, one at the end (the iteratively regularised Gauss-Newton method:
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -47,6 +48,8 @@ STALE = 0.6
 MISLED = 0.1
 """The same where columns need not be those of the fit's end."""
 STEPS_A_ROUND = 8
+FIRST_STEPS = 2
+"""Of a fit that is to come to some log evidence."""
 MOST_IDLE_ROUNDS = 2
 """Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
 HOT = 100.0
@@ -88,6 +91,7 @@ class FitPlan:
     damping : the first mu
     enough : nats that a further step would gain, at which it ends
     share : of what is above white noise as loud as the instruments show it, that is enough where it is more
+    until : log evidence that ends it
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
     fresh_begin, fresh_end : whether they, and all others, are those of the point where the fit goes on, and ends
     tell : is told at every model of the objective what a further step promises
@@ -97,6 +101,7 @@ class FitPlan:
     damping: float = 1.0
     enough: float = CONVERGED
     share: float = 0.0
+    until: float = np.inf
     renew: bool = True
     fresh_begin: bool = False
     fresh_end: bool = True
@@ -130,9 +135,9 @@ def fit(
     least, idle, most_heat = np.inf, 0, np.inf
     sane: Fit | None = None
     start_slopes: Starts = ()
-    rounds = _trials(likelihood, how.most_steps)
+    rounds = _trials(likelihood, how)
+    begun = goes_on
     for n, trials in enumerate(rounds, 1):
-        begun = goes_on if n == 1 else None
         posterior = _FitPosterior(likelihood, unknowns, how, start_slopes if begun is None else begun.start_slopes)
         first = posterior.at(z) if begun is None else _point_of(begun)
         if not np.isfinite(first.residual).all():
@@ -148,15 +153,23 @@ def fit(
             sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise)
-        end = descend(posterior, first, settings, first=model, further=posterior.further)
+        end = descend(
+            posterior, first, settings, first=model, further=posterior.further, reached=partial(_reached, posterior)
+        )
         point, model = posterior.cooled(end.point, end.model)
         simulations, start_slopes = simulations + posterior.simulations, posterior.start_slopes
         found = _fit_at(posterior, point, model, simulations, end.damping)
         found = replace(found, stuck=not end.steps and end.ending == "no more steps" and trials >= STUCK)
         if sane is not None and not beyond_sanity(unknowns, point.z):
             sane = found
-        if not likelihood.is_cut:
+        if found.log_evidence > how.until:
             break
+        begun = None
+        if not likelihood.is_cut:
+            if n == len(rounds) or end.ending != "no more steps":
+                break
+            begun, damping = found, replace(damping, first=end.damping)
+            continue
         stale = model.stale
         far = how.renew and stale and first.objective - point.objective > WORN
         nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 and not far else None
@@ -191,6 +204,12 @@ def fit_there(likelihood: Likelihood, unknowns: Unknowns, z: Array, jacobian: Sl
     return _fit_at(posterior, point, posterior.linearised(point, jacobian), posterior.simulations, FitPlan.damping)
 
 
+def _reached(posterior: "_FitPosterior", point: "_FitPoint", model: "_FitModel") -> bool:
+    """Whether a fit has come to the log evidence that it is to."""
+    until = posterior.plan.until
+    return until < np.inf and posterior.heat == 1.0 and log_evidence(point.objective, model.precision) > until
+
+
 def beyond_sanity(unknowns: Unknowns, z: Array) -> bool:
     """Whether a model without effects makes up for a cause that it lacks by numbers that nothing can have."""
     n = len(unknowns.believed) + unknowns.n_table
@@ -207,7 +226,6 @@ def _fit_at(
 ) -> Fit:
     """What a fit is at a point, from which it would go on with that damping."""
     likelihood = posterior.likelihood
-    precision = model.gram + np.diag(model.curvature)
     return Fit(
         model.unknowns,
         point.z,
@@ -215,7 +233,7 @@ def _fit_at(
         Columns(model.jacobian, model.gram),
         point.weights,
         point.objective,
-        log_evidence(point.objective, precision),
+        log_evidence(point.objective, model.precision),
         model.promised,
         simulations,
         likelihood if point.starts is None else likelihood.starting(point.starts),
@@ -227,12 +245,15 @@ def _fit_at(
     )
 
 
-def _trials(likelihood: Likelihood, most: int) -> list[int]:
+def _trials(likelihood: Likelihood, how: FitPlan) -> list[int]:
     """Steps of each round of a fit; between rounds the starts of stretches are moved to where the fit is."""
+    look = [min(FIRST_STEPS, how.most_steps)] if how.until < np.inf else []
+    rest = how.most_steps - sum(look)
     if not likelihood.is_cut:
-        return [most]
-    whole, rest = divmod(most, STEPS_A_ROUND)
-    return [STEPS_A_ROUND] * whole + ([rest] if rest else [])
+        return [*look, rest] if rest else look
+    each = STEPS_A_ROUND // 2 if look else STEPS_A_ROUND
+    whole, over = divmod(rest, each)
+    return look + [each] * whole + ([over] if over else [])
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,10 +283,15 @@ class _FitModel:
 
     def step(self, damping: float) -> tuple[Array, float]:
         """(the step within the bounds, nats that it promises); -1 for the step without any damping."""
-        matrix = self.gram + np.diag(self.curvature)
+        matrix = self.precision
         damped = matrix + (1 + damping) * np.diag(self.curvature)
         move = bounded_step(matrix if damping < 0 else damped, self.slope, self.bounds)
         return move, float(-self.slope @ move - move @ matrix @ move / 2)
+
+    @property
+    def precision(self) -> Array:
+        """J'J and the prior's curvature."""
+        return self.gram + np.diag(self.curvature)
 
     def move_to(self, point: _FitPoint) -> None:
         """Makes the nuisances' columns those at a point nearby, by the secant from here (Broyden, Math. Comp. 19, 1965,

@@ -18,7 +18,7 @@ from msl_fem.diagnosis.next_experiment import Question, farther, separating
 from msl_fem.diagnosis.noise import highest_line, make_bands
 from msl_fem.diagnosis.outside import Dependence, dependences
 from msl_fem.diagnosis.problem import FitProblem, Points, simulated_residuals
-from msl_fem.diagnosis.refits import FIRST_LOOK, ROUGH
+from msl_fem.diagnosis.refits import ROUGH
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.shooting import SHORT, ModelSpread, Shooting
 from msl_fem.diagnosis.spikes import about_spikes, without_spikes
@@ -176,11 +176,8 @@ class Runs(Kind):
 
     def predictive_gain(self, before: Fit, after: Fit) -> float:
         without = self._evidence_of_all(before, FitPlan(enough=OF_ALL_RUNS)) - before.log_evidence
-        for plan in (FitPlan(FIRST_LOOK, enough=OF_ALL_RUNS), FitPlan(enough=OF_ALL_RUNS)):  # more steps bring more
-            gain = self._evidence_of_all(after, plan) - after.log_evidence - without
-            if gain > 0.0:
-                break
-        return gain
+        nothing = after.log_evidence + without  # beyond it more steps bring more
+        return self._evidence_of_all(after, FitPlan(enough=OF_ALL_RUNS, until=nothing)) - nothing
 
     def dependences(
         self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1

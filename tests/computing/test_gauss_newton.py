@@ -154,6 +154,10 @@ def test_steps_are_halved_until_they_lead_down() -> None:
     assert stuck.ending == "no descent"
     assert stuck.point == Height(8.0)
     assert descend(Valley(), Height(1.5), DescentSettings(HALVING, enough=0.0, most_steps=2)).steps == 2
+    far = DescentSettings(HALVING, enough=0.0)
+    assert (
+        descend(Valley(), Height(1.5), far, reached=lambda point, _: point.objective < Height(1.5).objective).steps == 1
+    )
 
 
 def test_a_model_taken_over_is_renewed_before_it_is_believed() -> None:

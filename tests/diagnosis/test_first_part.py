@@ -94,6 +94,17 @@ def test_few_rows_are_followed_in_segments_by_all_threads(
     assert np.abs(found - whole).max() < 1e-9 * np.abs(whole).max()
 
 
+def test_a_fit_over_stretches_ends_once_it_has_come_to_what_is_asked(kind: Runs, base: Fit) -> None:
+    start = base.z + 1.0
+    whole = fit(base.likelihood, base.unknowns, start, plan=FitPlan(enough=1e-3))
+    asked = whole.log_evidence - 5.0
+    found = fit(base.likelihood, base.unknowns, start, plan=FitPlan(enough=1e-3, until=asked))
+    assert found.log_evidence > asked
+    assert found.simulations < whole.simulations
+    more = fit(base.likelihood, base.unknowns, start, plan=FitPlan(enough=1e-3, until=whole.log_evidence + 10.0))
+    assert more.log_evidence == pytest.approx(whole.log_evidence, abs=1.0)
+
+
 def test_a_fit_that_has_not_gone_anywhere(kind, base) -> None:
     """Is at its numbers, with the columns that it was given, and knows what a step promises."""
     there = fit_there(base.likelihood, base.unknowns, base.z, base.jacobian)

@@ -79,8 +79,10 @@ def white(likelihood: Likelihood, residual: Array) -> NoiseWeights:
 def test_it_is_the_normal_density_s_with_what_the_fit_leaves_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Likelihood, "plain_weights", white)
     kind, before, after = fitted.__wrapped__(HIDDEN)
-    gain = kind.predictive_gain(before, after)
+    told = [kind._evidence_of_all(one, FitPlan(enough=0.01)) - one.log_evidence for one in (before, after)]
+    gain = told[1] - told[0]
     assert gain > 100.0
+    assert 0.0 < kind.predictive_gain(before, after) <= gain
     assert gain == pytest.approx(log_density(kind, after) - log_density(kind, before), abs=1.0)
 
 
@@ -102,23 +104,31 @@ def test_a_model_that_cannot_follow_the_held_out_runs_foretells_nothing(monkeypa
     assert kind._evidence_of_all(before, FitPlan()) == -np.inf
 
 
-@pytest.mark.parametrize(
-    ("gains", "asked", "told"), [([40.0], 2, 40.0), ([-30.0, 20.0], 3, 20.0), ([-30.0, -25.0], 3, -25.0)]
-)
-def test_a_few_steps_do_where_they_confirm_an_effect(
-    monkeypatch: pytest.MonkeyPatch, gains: list[float], asked: int, told: float
-) -> None:
+@pytest.mark.parametrize("beyond", [-1e6, -30.0, 10.0])
+def test_a_fit_ends_once_it_has_come_to_what_is_asked(beyond: float) -> None:
+    """Before it has gone anywhere, on its way, or at its own end where more is asked."""
+    kind, before, after = fitted(HIDDEN)
+    start = np.concatenate([before.z + 2.0, np.zeros(len(after.unknowns.effects))])
+    asked = after.log_evidence + beyond
+    found = fit(kind.likelihood, after.unknowns, start, plan=FitPlan(enough=1e-3, until=asked))
+    whole = fit(kind.likelihood, after.unknowns, start, plan=TO_THE_END)
+    if beyond > 0.0:
+        assert found.log_evidence == pytest.approx(whole.log_evidence, abs=0.01)
+    else:
+        assert asked < found.log_evidence < whole.log_evidence - 0.1
+        assert found.simulations < whole.simulations
+
+
+def test_a_fit_of_all_runs_goes_on_until_it_confirms_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     """More steps make the held-out runs more probable, never less."""
     kind, before, after = fitted(HIDDEN)
-    plans: list[int] = []
-    evidences = iter([before.log_evidence + 5.0, *(after.log_evidence + 5.0 + gain for gain in gains)])
+    plans: list[FitPlan] = []
+    evidences = iter([before.log_evidence + 5.0, after.log_evidence + 45.0])
 
     def evidence(self: Runs, found: Fit, plan: FitPlan) -> float:
-        plans.append(plan.most_steps)
+        plans.append(plan)
         return next(evidences)
 
     monkeypatch.setattr(Runs, "_evidence_of_all", evidence)
-    assert kind.predictive_gain(before, after) == pytest.approx(told)
-    assert len(plans) == asked
-    assert plans[1] < plans[0]
-    assert set(plans[2:]) <= {plans[0]}
+    assert kind.predictive_gain(before, after) == pytest.approx(40.0)
+    assert [plan.until for plan in plans] == [np.inf, pytest.approx(after.log_evidence + 5.0)]
