@@ -4,7 +4,6 @@ A run is followed from its start to its end, or over stretches with free starts 
 residual beside the starts is what counts. The colour of the noise is estimated together with the fit (`noise`).
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.noise import (
     NoiseBands,
@@ -23,11 +23,21 @@ from msl_fem.diagnosis.noise import (
     transformed,
     weights_of,
 )
-from msl_fem.diagnosis.problem import FitProblem, Points, Starts, batches, residuals_in_parts, simulated_residuals
+from msl_fem.diagnosis.problem import (
+    AT_ONCE,
+    FitProblem,
+    Points,
+    Starts,
+    batches,
+    missed,
+    simulated_in_parts,
+    simulated_residuals,
+)
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.stretches import moved
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.wander import WanderLines, with_wander
+from msl_fem.plant.lane_run import LaneRun
 from msl_fem.record.columns import name_and_unit
 
 NO_NOISE = "which is an error of the model and no noise"
@@ -237,21 +247,24 @@ class Likelihood:
 
     def _fill(self, found: Array, moves: Array, run: int, points: Points) -> None:
         """Writes a run's part of the numbers (n_row, n_own), and what moves its starts, (n_row, n_move); simulated,
-        transformed and forgotten group by group."""
+        transformed and forgotten group by group, a single one by all threads."""
         threads = self.threads if self.gathered is None else self.gathered.threads
         groups = batches(self.problem, points, run, substeps=self.substeps, threads=threads)
-        problem, substeps = replace(self.problem, threads=threads if len(groups) == 1 else 1), self.substeps
+        within = threads if len(groups) == 1 else 1
+        problem = replace(self.problem, threads=within)
 
         def fill(rows: NDArray[np.intp]) -> None:
-            numbers, by = [], []
-            for channels in residuals_in_parts(problem, points.only(rows), run, substeps=substeps):
-                over, move = self._over_noise(run, channels)
-                numbers.append(self._numbers_of_run(run, over))
-                by.append(move)
-            found[rows], moves[rows] = np.concatenate(numbers), np.concatenate(by)
+            at_once = min(AT_ONCE, -(-rows.size // within))
+            parts = simulated_in_parts(problem, points.only(rows), run, substeps=self.substeps, at_once=at_once)
+            ends = np.cumsum([len(own.rows) for own, *_ in parts])
+            in_threads(write, list(zip(np.split(rows, ends[:-1]), parts, strict=True)), within)
 
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(fill, groups))
+        def write(part: tuple[NDArray[np.intp], tuple[Points, int, LaneRun | None]]) -> None:
+            rows, simulated = part
+            over, moves[rows] = self._over_noise(run, missed(problem, *simulated))
+            found[rows] = self._numbers_of_run(run, over)
+
+        in_threads(fill, groups, threads)
 
     def transformed(self, found: list[list[Array]]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""
@@ -450,7 +463,7 @@ class Likelihood:
             parts += [band + self.bands.n_band * names.index(name) for name in self.problem.channels(run)]
         return np.concatenate(parts)
 
-    @property
+    @cached_property
     def _places_of_runs(self) -> list[slice]:
         """Where the numbers of each run stand."""
         sizes = np.zeros(len(self.problem.runs), dtype=int)

@@ -12,7 +12,6 @@ is the model's own, so a variable is known but for what the model gets wrong.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +21,7 @@ from scipy.signal import lfilter
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
+from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.problem import instrument_line, reading, states
 from msl_fem.diagnosis.stretches import Stretches
@@ -93,8 +93,7 @@ def dependences(
     judge = _FreeFunctions(likelihood, fit, trajectory)
     pairs = [(equation, name) for equation, names in _tried(trajectory).items() for name in names]
     chosen = [pair for pair in pairs if pair in FEW or not few]
-    with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(lambda pair: judge.dependence(*pair), chosen))
+    found = in_threads(lambda pair: judge.dependence(*pair), chosen, threads)
     return sorted(found, key=lambda dependence: -dependence.gain)
 
 

@@ -15,8 +15,8 @@ from msl_fem.errors import InputError
 from msl_fem.plant import Surface
 from msl_fem.plant.effects import neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_block import LaneSettings
-from msl_fem.plant.lane_run import FEW, LaneRun, run_lanes, told_apart
+from msl_fem.plant.lane_block import FEW, LaneSettings
+from msl_fem.plant.lane_run import LaneRun, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
@@ -184,7 +184,7 @@ def batches(
             surface, plants, settings = _lane_settings(problem, own, run)
             steps = _steps(problem, own, substeps)
             place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
-        except InputError:  # see `residuals_of_run`
+        except InputError:  # see `simulated_in_parts`
             place = np.arange(len(rows))
         whole, over = divmod(int(place.max()) + 1, LANES)
         idle = threads - whole % threads
@@ -204,31 +204,33 @@ def _steps(problem: FitProblem, points: Points, substeps: int) -> int:
 
 def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[Array]:
     """`simulated_residuals` of one run."""
-    parts = residuals_in_parts(problem, points, run, substeps=substeps)
-    return [np.concatenate(channel) for channel in zip(*parts, strict=True)]
+    parts = simulated_in_parts(problem, points, run, substeps=substeps)
+    return [np.concatenate(channel) for channel in zip(*(missed(problem, *part) for part in parts), strict=True)]
 
 
-def residuals_in_parts(problem: FitProblem, points: Points, run: int, *, substeps: int) -> Iterator[list[Array]]:
-    """`residuals_of_run` of a few rows at a time, in their order."""
+def simulated_in_parts(
+    problem: FitProblem, points: Points, run: int, *, substeps: int, at_once: int = AT_ONCE
+) -> list[tuple[Points, int, LaneRun | None]]:
+    """A few rows at a time, in their order, the run, and what it is with them; None: an effect beyond what the kernel
+    takes, like a delay of more samples than it keeps."""
     data, p = problem.runs[run], problem.plant.parameters
     columns = max(p.sides, 1)
     inputs = Inputs(data.commands[:, :columns], data.rate, hold=data.hold)
     try:
         found = lanes(problem, points, run, inputs=inputs, substeps=substeps)
-    except InputError:  # an effect beyond what the kernel takes, like a delay of more samples than it keeps
+    except InputError:
         if len(points.rows) == 1:
-            yield [np.full((1, len(data.commands)), np.nan) for _ in problem.channels(run)]
-            return
-        for n in range(len(points.rows)):
-            yield from residuals_in_parts(problem, points.only(slice(n, n + 1)), run, substeps=substeps)
-        return
-    for at in range(0, len(points.rows), AT_ONCE):
-        rows = slice(at, at + AT_ONCE)
-        yield missed(problem, points.only(rows), run, found.only(rows))
+            return [(points, run, None)]
+        each = (points.only(slice(n, n + 1)) for n in range(len(points.rows)))
+        return [part for own in each for part in simulated_in_parts(problem, own, run, substeps=substeps)]
+    every = [slice(at, at + at_once) for at in range(0, len(points.rows), at_once)]
+    return [(points.only(rows), run, found.only(rows)) for rows in every]
 
 
-def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> list[Array]:
-    """Measured less simulated of a run's channels, (n_row, n_sample) in SI units."""
+def missed(problem: FitProblem, points: Points, run: int, found: LaneRun | None) -> list[Array]:
+    """Measured less simulated of a run's channels, (n_row, n_sample) in SI units; nan without anything simulated."""
+    if found is None:
+        return [np.full((len(points.rows), len(problem.runs[run].commands)), np.nan) for _ in problem.channels(run)]
     factors = [points.unknowns.factors(z) for z in points.rows]
     data, residuals = problem.runs[run], []
     left_out = data.left_out
@@ -240,7 +242,13 @@ def missed(problem: FitProblem, points: Points, run: int, found: LaneRun) -> lis
 
 
 def lanes(
-    problem: FitProblem, points: Points, run: int, *, inputs: Inputs, substeps: int, own: Stretches | None = None
+    problem: FitProblem,
+    points: Points,
+    run: int,
+    *,
+    inputs: Inputs,
+    substeps: int,
+    own: Stretches | None = None,
 ) -> LaneRun:
     """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
     in place of the problem's, with starts (n_row, n_stretch, 4)."""

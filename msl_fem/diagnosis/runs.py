@@ -1,7 +1,6 @@
 """Records whose runs the recorded inputs make: simulated from their starts, as a whole or over stretches."""
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
@@ -9,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.decision import Rule
 from msl_fem.diagnosis.fit import FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, Size
@@ -150,9 +150,9 @@ class Runs(Kind):
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
-        with ThreadPoolExecutor(self.threads) as pool:
-            every = list(pool.map(partial(self._missed, belief, fit=fit), self.runs, self.cuts))
-        for run, cut, values in zip(self.runs, self.cuts, every, strict=True):
+        own = list(zip(self.runs, self.cuts, strict=True))
+        every = in_threads(lambda of: self._missed(belief, *of, fit=fit), own, self.threads)
+        for (run, cut), values in zip(own, every, strict=True):
             outside = None if cut is None else ~cut.counts(len(run.commands))
             signals += [ErrorSignal.of_run(run, name, values[name], outside) for name in counted(run)]
         return signals
@@ -247,9 +247,13 @@ class Runs(Kind):
             rest[effect] = dict(self.belief.effects.stated[effect])
         without = replace(extended, effects=EffectValues(rest) if rest else None)
         sizes = []
-        with ThreadPoolExecutor(self.threads) as pool:
-            of_both = [list(pool.map(partial(self._missed, one), self.runs, self.cuts)) for one in (extended, without)]
-        for run, cut, present, absent in zip(self.runs, self.cuts, *of_both, strict=True):
+        own = list(zip(self.runs, self.cuts, strict=True))
+
+        def missed_by(model: ModelHypothesis) -> list[Mapping[str, Array]]:
+            return in_threads(lambda of: self._missed(model, *of), own, self.threads)
+
+        of_both = missed_by(extended), missed_by(without)
+        for (run, cut), present, absent in zip(own, *of_both, strict=True):
             counts = slice(None) if cut is None else cut.counts(len(run.commands))
             for name in counted(run):
                 change = float(np.sqrt(np.mean((present[name] - absent[name])[counts] ** 2)))
@@ -284,10 +288,10 @@ def _made(
         spread = ModelSpread(unknowns, at, moves)
     substeps = problem.plant.substeps
     shots = [Shooting(problem, n, spread, substeps=substeps) for n in range(len(runs))]
-    with ThreadPoolExecutor(threads) as pool:  # a run at a time fills one block of lanes
-        every: Cuts = tuple(
-            pool.map(lambda shot: shot.chosen((known or {}).get(shot.data.name), with_moves=at is not None), shots)
-        )
+    before = known or {}
+    every: Cuts = tuple(
+        in_threads(lambda shot: shot.chosen(before.get(shot.data.name), with_moves=at is not None), shots, threads)
+    )
     left_out = left_outside(belief, runs, every)
     inside = runs_inside(belief, runs, every)
     recorded, runs, cuts = tuple(runs), tuple(run for run, _ in inside), tuple(cut for _, cut in inside)

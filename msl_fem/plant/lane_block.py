@@ -4,11 +4,10 @@ Each lane has its own plant parameters, effects, starts and, if wanted, its own 
 the plant's build (drive, sides, magnets) are the same for all.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +35,8 @@ from msl_fem.plant.side import cells_of
 
 AT_A_TIME = 512
 """Samples of eight lanes that the kernel writes before they are put where they stay: 0.6 MB."""
-Item = TypeVar("Item")
-Made = TypeVar("Made")
+FEW = 2
+"""Lanes that are faster one by one: eight together cost as much as two and a half to four alone."""
 Begun = tuple[Array, Array | None]
 """(state, coefficients of the effects) with which a lane begins; None without effects."""
 
@@ -235,14 +234,6 @@ _ROW = PlantParameters._make(range(len(PlantParameters._fields)))
 def numbers_of(p: PlantParameters) -> list[float]:
     """The plant's numbers, in the order of `PlantParameters`; nan for its end stop."""
     return [np.nan if value is None or isinstance(value, tuple) else float(value) for value in p]
-
-
-def in_threads(made: Callable[[Item], Made], items: Sequence[Item], threads: int) -> list[Made]:
-    """What is made of each item, so many at the same time."""
-    if threads == 1 or len(items) == 1:
-        return [made(item) for item in items]
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(made, items))
 
 
 @compiled

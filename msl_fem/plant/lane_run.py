@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
+from msl_fem.computing.threads import in_threads
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import PARAMETER_INDEX, neutral_vector
 from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
-from msl_fem.plant.lane_block import Lanes, LaneSettings, Parts, in_threads, numbers_of
+from msl_fem.plant.lane_block import FEW, Lanes, LaneSettings, Parts, numbers_of
 from msl_fem.plant.layout import (
     N_OUT,
     OUT_FLUX_1,
@@ -34,9 +35,6 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.segments import run_segments, segments_for
-
-FEW = 2
-"""Lanes that are faster one by one: eight together cost as much as two and a half to four alone."""
 
 
 @dataclass(frozen=True, eq=False)

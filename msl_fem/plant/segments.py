@@ -8,23 +8,26 @@ act on the mover that moves them or last long, do not settle so: such runs stay 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
+from msl_fem.computing.threads import in_threads
 from msl_fem.plant.effects import electrical, expressions, magnetic, mechanical, sensing, thermal
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
-from msl_fem.plant.lane_block import Lanes, Parts, in_threads
+from msl_fem.plant.lane_block import FEW, Lanes, Parts
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 
 SETTLED = 40.0
 """Time constants in which what a lag has kept is gone, to the last bit."""
-WORTH = 1.5
-"""Times that a run must be longer than the longest of its segments, to be cut."""
+WORTH, WORTH_OF_FEW = 1.25, 3.0
+"""Times that a run must be longer than the longest of its segments, to be cut, of lanes of which eight would fill a
+block together, and of such as are faster one by one."""
 _LASTING = [
     electrical.HEAT_PER_JOULE,
     electrical.HEAT_START,
@@ -82,7 +85,9 @@ def settling_of(p: PlantParameters, e: Array | None, *, crossed: float, step: fl
     return Settling(float(driven / sample + waits), float(SETTLED / sensor / sample))
 
 
-def segments_of(begins: NDArray[np.int64], n_sample: int, count: int, settling: Settling) -> list[Segment]:
+def segments_of(
+    begins: NDArray[np.int64], n_sample: int, count: int, settling: Settling, *, worth: float = WORTH
+) -> list[Segment]:
     """At most `count` segments of about equal length; one where that is not worth it."""
     whole = [Segment(0, n_sample, 0)]
     if count < 2 or begins.size < 2 * count or not np.isfinite(settling.of_commands + settling.of_motion):
@@ -93,7 +98,7 @@ def segments_of(begins: NDArray[np.int64], n_sample: int, count: int, settling: 
         settles = np.maximum(np.searchsorted(begins, begins[settles] - np.ceil(samples), side="right") - 1, 0)
     made = [Segment(int(a), int(b), int(s)) for a, b, s in zip(edges[:-1], edges[1:], settles, strict=True)]
     longest = max(one.end - begins[one.stretch] for one in made)
-    return whole if WORTH * longest > n_sample else made
+    return whole if worth * longest > n_sample else made
 
 
 def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
@@ -102,14 +107,16 @@ def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
     settings, begins = lanes.settings, lanes.settings.begins
     if not settings.in_segments or begins is None or lanes.inputs.hold == "linear" or settings.own_inputs:
         return [Segment(0, lanes.n_sample, 0)]
+    timing = partial(settling_of, step=lanes.step, n_step=lanes.substeps)
     of = []
     for lane in which:
         p, effects = lanes.plants[lane], lanes.begun[lane][1]
         held = settings.starts_of(lane)[:, :2] * (1.0 if p.drive == CURRENT_DRIVE else p.resistance)
         crossed = np.ptp([held.min(), held.max(), lanes.inputs.commands.min(), lanes.inputs.commands.max()])
-        of.append(settling_of(p, effects, crossed=float(crossed), step=lanes.step, n_step=lanes.substeps))
-    longest = Settling(max(one.of_commands for one in of), max(one.of_motion for one in of))
-    return segments_of(begins, lanes.n_sample, LANES * settings.threads // which.size, longest)
+        of.append(timing(p, effects, crossed=float(crossed)))
+    longest = Settling(*(max(values) for values in zip(*map(astuple, of), strict=True)))
+    count, worth = LANES * settings.threads // which.size, WORTH if which.size > FEW else WORTH_OF_FEW
+    return segments_of(begins, lanes.n_sample, count, longest, worth=worth)
 
 
 def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segment]) -> Array:

@@ -12,8 +12,8 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.lanes import LANES
 from msl_fem.plant.effects import EffectValues, neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_block import AT_A_TIME, LaneSettings
-from msl_fem.plant.lane_run import FEW, LaneRun, run_lanes
+from msl_fem.plant.lane_block import AT_A_TIME, FEW, LaneSettings
+from msl_fem.plant.lane_run import LaneRun, run_lanes
 from msl_fem.plant.layout import N_OUT
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.table.magnetic_table import MagneticTable

@@ -213,7 +213,7 @@ def test_segments_tell_each_sample_once_and_begin_early_enough(settling: Settlin
         (np.array([0, 1000, 2000, 3000]), 8, Settling(0.0, 0.0)),
         (uneven(), 8, Settling(np.inf, 0.0)),
         (uneven(), 8, Settling(0.0, np.inf)),
-        (uneven(), 8, Settling(0.0, 0.6 * N_SAMPLE)),
+        (uneven(), 8, Settling(0.0, 0.9 * N_SAMPLE)),
     ],
     ids=["one stretch", "one segment", "few stretches", "commands last", "motion lasts", "nothing spared"],
 )
