@@ -12,7 +12,7 @@ is the model's own, so a variable is known but for what the model gets wrong.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -85,8 +85,10 @@ def dependences(
     belief : the model of the fit, with all that it found
     few : only `FEW`, in an eighth of the time
     """
-    run = likelihood.problem.runs[0]
+    run, problem = likelihood.problem.runs[0], likelihood.problem
     plant = plant_of_run(belief, run)
+    if problem.coarse is not None and not fit.unknowns.fine_steps:
+        plant = replace(plant, substeps=min(problem.coarse, plant.substeps))
     trajectory = _Trajectory(plant, run, likelihood.problem.cut(0))
     if not np.isfinite(trajectory.out).all():
         return []

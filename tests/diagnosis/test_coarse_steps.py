@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT
 
 from msl_fem.actuator import Actuator, load_actuator
-from msl_fem.diagnosis import runs
+from msl_fem.diagnosis import outside, runs
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.problem import FitProblem, Points, batches
 from msl_fem.diagnosis.runs import _alike_in_coarse_steps, _simulated_missed
@@ -19,7 +19,7 @@ from msl_fem.diagnosis.shooting import Shooting
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import STEP_OF_AMOUNTS, EffectUnknown, Unknowns
 from msl_fem.plant.effects import CATALOGUE, EffectValues
-from msl_fem.prediction import ModelHypothesis, kernel_plant, run_data
+from msl_fem.prediction import KernelPlant, ModelHypothesis, kernel_plant, run_data
 from msl_fem.prediction.hypothesis import closed_form_steps
 
 RATE = 5e3
@@ -64,6 +64,25 @@ def test_rows_of_different_steps_are_in_groups_of_their_own(monkeypatch: pytest.
     points = Points(Unknowns((), 0, ()), np.zeros((6, 0)), None, fine)
     groups = batches(problem, points, 0, substeps=11)
     assert [group.tolist() for group in groups] == [[1, 3, 4], [0, 2, 5]]
+
+
+@pytest.mark.parametrize(("coarse", "fine", "steps"), [(2, False, 2), (2, True, 11), (None, False, 11)])
+def test_functions_of_one_variable_are_looked_for_in_the_steps_of_the_fit(
+    one_sided: Actuator, monkeypatch: pytest.MonkeyPatch, coarse: int | None, fine: bool, steps: int
+) -> None:
+    belief = ModelHypothesis(one_sided, levitator.table())
+    seen: list[int] = []
+
+    def trajectory(plant: KernelPlant, *_: object) -> SimpleNamespace:
+        seen.append(plant.substeps)
+        return SimpleNamespace(out=np.array([np.nan]))
+
+    monkeypatch.setattr(outside, "plant_of_run", lambda *_: kernel_plant(belief, rate=RATE))
+    monkeypatch.setattr(outside, "_Trajectory", trajectory)
+    likelihood: Any = SimpleNamespace(problem=SimpleNamespace(runs=[None], cut=lambda _: None, coarse=coarse))
+    found: Any = SimpleNamespace(unknowns=SimpleNamespace(fine_steps=fine))
+    assert outside.dependences(likelihood, found, belief) == []
+    assert seen == [steps]
 
 
 @pytest.mark.parametrize(
