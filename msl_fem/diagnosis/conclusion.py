@@ -242,7 +242,8 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
         if not _refused(result, taken - 1, predicted):
             notes.append(
                 f"with {effect} held-out runs lose {-gains[taken - 1]:.3g} nats with all numbers as fitted, and change "
-                f"by {predicted:+.3g} with what the fit runs leave uncertain as free as they leave it, which counts"
+                f"by {predicted:+.3g} at least with what the fit runs leave uncertain as free as they leave it, which "
+                "counts"
             )
             break
         taken -= 1

@@ -242,13 +242,7 @@ def missed(problem: FitProblem, points: Points, run: int, found: LaneRun | None)
 
 
 def lanes(
-    problem: FitProblem,
-    points: Points,
-    run: int,
-    *,
-    inputs: Inputs,
-    substeps: int,
-    own: Stretches | None = None,
+    problem: FitProblem, points: Points, run: int, *, inputs: Inputs, substeps: int, own: Stretches | None = None
 ) -> LaneRun:
     """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
     in place of the problem's, with starts (n_row, n_stretch, 4)."""

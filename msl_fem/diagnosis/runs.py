@@ -177,7 +177,8 @@ class Runs(Kind):
     def predictive_gain(self, before: Fit, after: Fit) -> float:
         without = self._evidence_of_all(before, FitPlan(enough=OF_ALL_RUNS)) - before.log_evidence
         nothing = after.log_evidence + without  # beyond it more steps bring more
-        return self._evidence_of_all(after, FitPlan(enough=OF_ALL_RUNS, until=nothing)) - nothing
+        found = self._evidence_of_all(after, FitPlan(enough=OF_ALL_RUNS, until=nothing))
+        return found - nothing if found > -np.inf else -np.inf
 
     def dependences(
         self, fit: Fit, belief: ModelHypothesis, *, few: bool = False, threads: int = 1

@@ -94,6 +94,12 @@ def test_an_effect_of_the_fit_run_alone_is_foretold_wrong() -> None:
     assert kind.predictive_gain(before, after) < -50.0
 
 
+def test_where_neither_model_follows_the_held_out_runs_nothing_is_gained(monkeypatch: pytest.MonkeyPatch) -> None:
+    kind, before, after = fitted(HIDDEN)
+    monkeypatch.setattr(Runs, "_evidence_of_all", lambda *_: -np.inf)
+    assert kind.predictive_gain(before, after) == -np.inf
+
+
 def test_a_model_that_cannot_follow_the_held_out_runs_foretells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     kind, before, _ = fitted(HIDDEN)
 
