@@ -48,8 +48,8 @@ STALE = 0.6
 MISLED = 0.1
 """The same where columns need not be those of the fit's end."""
 STEPS_A_ROUND = 8
-FIRST_STEPS = 2
-"""Of a fit that is to come to some log evidence."""
+FIRST_LOOK = 2
+"""Steps that tell whether more are worth it: of a candidate, and of a fit that is to come to some log evidence."""
 MOST_IDLE_ROUNDS = 2
 """Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
 HOT = 100.0
@@ -247,7 +247,7 @@ def _fit_at(
 
 def _trials(likelihood: Likelihood, how: FitPlan) -> list[int]:
     """Steps of each round of a fit; between rounds the starts of stretches are moved to where the fit is."""
-    look = [min(FIRST_STEPS, how.most_steps)] if how.until < np.inf else []
+    look = [min(FIRST_LOOK, how.most_steps)] if how.until < np.inf else []
     rest = how.most_steps - sum(look)
     if not likelihood.is_cut:
         return [*look, rest] if rest else look

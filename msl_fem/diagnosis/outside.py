@@ -87,8 +87,7 @@ def dependences(
     """
     run, problem = likelihood.problem.runs[0], likelihood.problem
     plant = plant_of_run(belief, run)
-    if problem.coarse is not None and not fit.unknowns.fine_steps:
-        plant = replace(plant, substeps=min(problem.coarse, plant.substeps))
+    plant = replace(plant, substeps=problem.steps(plant.substeps, fine=fit.unknowns.fine_steps))
     trajectory = _Trajectory(plant, run, likelihood.problem.cut(0))
     if not np.isfinite(trajectory.out).all():
         return []

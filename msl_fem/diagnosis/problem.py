@@ -72,6 +72,10 @@ class FitProblem:
         """The stretches of a run, None of one that is followed as a whole."""
         return self.cuts[run]
 
+    def steps(self, substeps: int, *, fine: bool) -> int:
+        """Steps a sample with which models are simulated of which one wants fine steps or none does."""
+        return substeps if fine or self.coarse is None else min(self.coarse, substeps)
+
     def start_unit(self, run: int) -> Array:
         """(n_start,) one sigma of the prior of a start: position, velocity, currents that cannot jump."""
         return START * start_sigmas(self.plant, self.runs[run], tolerance=self.tolerance)
@@ -182,7 +186,7 @@ def batches(
         own = points.only(rows)
         try:
             surface, plants, settings = _lane_settings(problem, own, run)
-            steps = _steps(problem, own, substeps)
+            steps = problem.steps(substeps, fine=bool(own.wants_fine.any()))
             place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
         except InputError:  # see `simulated_in_parts`
             place = np.arange(len(rows))
@@ -194,12 +198,6 @@ def batches(
             group[left] += place[left] % LANES % idle
         found += [rows[group == n] for n in np.unique(group)]
     return found
-
-
-def _steps(problem: FitProblem, points: Points, substeps: int) -> int:
-    """Steps a sample with which rows are simulated: the coarse ones where none wants others."""
-    coarse = problem.coarse
-    return substeps if coarse is None or points.wants_fine.any() else min(coarse, substeps)
 
 
 def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[Array]:
@@ -247,7 +245,8 @@ def lanes(
     """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
     in place of the problem's, with starts (n_row, n_stretch, 4)."""
     surface, plants, settings = _lane_settings(problem, points, run, own)
-    return run_lanes(surface, plants, inputs, substeps=_steps(problem, points, substeps), settings=settings)
+    steps = problem.steps(substeps, fine=bool(points.wants_fine.any()))
+    return run_lanes(surface, plants, inputs, substeps=steps, settings=settings)
 
 
 def _lane_settings(

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from msl_fem.computing.arrays import Array, Slopes
-from msl_fem.diagnosis.fit import TINY, FitPlan, fit
+from msl_fem.diagnosis.fit import FIRST_LOOK, TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, jacobian_columns
@@ -35,8 +35,9 @@ LEAST = 1 / 64  # of these amounts, with which starts of stretches are found bef
 SHAPE_LEGS = 3  # of as many steps, for a leader begun at other shapes
 SHAPES_BESIDE = 2  # of these
 SCREENING_STEPS = 6
-FIRST_LOOK = 2  # of these, behind which a candidate that is hopeless, or far behind, goes no further
-FAR_BEHIND = 0.1  # of the gain that the best has made then, to which a candidate has to come with what it promises
+FAR_BEHIND = (
+    0.1  # of the gain that the best has made after a first look, to which a candidate has to come with what it promises
+)
 FRONT = 0.25  # of the best linear score: candidates that are looked at before the others
 NEARLY_ALL = 0.15
 """Of the nats above white noise as loud as the instruments show it, that a candidate leaves where the others have next

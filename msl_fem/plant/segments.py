@@ -104,18 +104,21 @@ def segments_of(
 def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
     """Those in which so few lanes are run that vectors and threads would have nothing to do; one where lanes may not be
     cut."""
-    settings, begins = lanes.settings, lanes.settings.begins
-    if not settings.in_segments or begins is None or lanes.inputs.hold == "linear" or settings.own_inputs:
+    settings, begins, commands = lanes.settings, lanes.settings.begins, lanes.inputs.commands
+    count = LANES * settings.threads // which.size
+    whole = count < 2 or not settings.in_segments or lanes.inputs.hold == "linear" or settings.own_inputs
+    if whole or begins is None:
         return [Segment(0, lanes.n_sample, 0)]
+    least, most = commands.min(), commands.max()
     timing = partial(settling_of, step=lanes.step, n_step=lanes.substeps)
     of = []
     for lane in which:
         p, effects = lanes.plants[lane], lanes.begun[lane][1]
         held = settings.starts_of(lane)[:, :2] * (1.0 if p.drive == CURRENT_DRIVE else p.resistance)
-        crossed = np.ptp([held.min(), held.max(), lanes.inputs.commands.min(), lanes.inputs.commands.max()])
+        crossed = np.ptp([held.min(), held.max(), least, most])
         of.append(timing(p, effects, crossed=float(crossed)))
     longest = Settling(*(max(values) for values in zip(*map(astuple, of), strict=True)))
-    count, worth = LANES * settings.threads // which.size, WORTH if which.size > FEW else WORTH_OF_FEW
+    worth = WORTH if which.size > FEW else WORTH_OF_FEW
     return segments_of(begins, lanes.n_sample, count, longest, worth=worth)
 
 

@@ -79,7 +79,8 @@ def test_functions_of_one_variable_are_looked_for_in_the_steps_of_the_fit(
 
     monkeypatch.setattr(outside, "plant_of_run", lambda *_: kernel_plant(belief, rate=RATE))
     monkeypatch.setattr(outside, "_Trajectory", trajectory)
-    likelihood: Any = SimpleNamespace(problem=SimpleNamespace(runs=[None], cut=lambda _: None, coarse=coarse))
+    problem = FitProblem(None, (None,), (), (), None, coarse=coarse)  # type: ignore[arg-type]
+    likelihood: Any = SimpleNamespace(problem=problem)
     found: Any = SimpleNamespace(unknowns=SimpleNamespace(fine_steps=fine))
     assert outside.dependences(likelihood, found, belief) == []
     assert seen == [steps]
