@@ -62,6 +62,9 @@ FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the
 LED = 1e-4  # the same of the one that leads, `ROUGH` at most
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
+WITH_COLUMNS = 6
+"""Candidates over stretches that keep their Jacobians, the best: each is as large as that of the fit beside which they
+are, and those behind seldom go on."""
 AT_ONCE = 4
 """Candidates that go on at the same time where each has starts of stretches of its own, which take memory, and after
 some steps no simulation in common with another."""
@@ -147,11 +150,12 @@ class _Screening:
     ) -> None:
         self._tell, self._count, self._done, self._what, self._behind = tell, count, 0, what, behind
         self._leader: Refit | None = None
+        self._kept: list[Refit] = []
         self._since, self._lock = time.monotonic(), threading.Lock()
 
     def ends(self, variant: Variant, refit: LookedAt) -> LookedAt:
-        """Keeps what a candidate came to; the Jacobian of one far behind the best so far goes at once. All run at the
-        same time, so the rest of them takes its share at most."""
+        """Keeps what a candidate came to; the Jacobian of one far behind the best goes at once, and over stretches
+        those of all but the best. All run at the same time, so the rest of them takes its share at most."""
         with self._lock:
             self._done += 1
             if refit is not None and (self._leader is None or refit.gain > self._leader.gain):
@@ -159,6 +163,10 @@ class _Screening:
             best = 0.0 if self._leader is None else self._leader.gain
             if refit is not None and self._behind(refit, best):
                 refit.fit.lets_go()
+            elif refit is not None and refit.fit.likelihood.is_cut:
+                self._kept = sorted([*self._kept, refit], key=_by_gain)
+                let_go(self._kept[WITH_COLUMNS:])
+                del self._kept[WITH_COLUMNS:]
             left = self._count - self._done
             told = f"{variant.name}, {self._done} of {self._count}"
             if self._leader is not None:

@@ -386,7 +386,7 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     monkeypatch, left: float, moved: float, begins: bool
 ) -> None:
     """And a believed parameter has moved by 2.5 tolerances. It had been eliminated, and leads in the end."""
-    leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(excess=lambda fit: {"x": left}))
+    leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(excess=lambda fit: {"x": left}, is_cut=False))
     kept = Variant("remanent_flux", CUBIC.amounts)
     screened = iter([leader, replace(candidate([moved, 9.0, 5.0], 10.0, Amounts()), variant=kept)])
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
