@@ -1,9 +1,9 @@
 """What a search says: the verdict, the causes that are named, what held-out data say of them, and what is left."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
+from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.correlation import correlation_of
 from msl_fem.diagnosis.decision import (
     MOST_OF_IT,
@@ -94,8 +94,8 @@ def conclude(
     tell : is told what is looked at
     """
     models = [kind.extend(fit) for fit in result.fits[: result.taken + 1]]
-    with ThreadPoolExecutor(threads) as pool:  # what a fit has come to takes longest to follow
-        *of_models, nominal = pool.map(kind.errors, [*models, kind.belief], [*result.fits[: len(models)], None])
+    followed = [*zip(models, result.fits, strict=False), (kind.belief, None)]  # what a fit has come to takes longest
+    *of_models, nominal = in_threads(lambda one: kind.errors(*one), followed, threads)
     nominal, *signals = on_common_ground([nominal, *of_models])
     errors = [[signal.summary for signal in of_model] for of_model in signals]
     gains, worse = _held_out(signals, result)

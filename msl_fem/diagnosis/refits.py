@@ -35,9 +35,8 @@ LEAST = 1 / 64  # of these amounts, with which starts of stretches are found bef
 SHAPE_LEGS = 3  # of as many steps, for a leader begun at other shapes
 SHAPES_BESIDE = 2  # of these
 SCREENING_STEPS = 6
-FAR_BEHIND = (
-    0.1  # of the gain that the best has made after a first look, to which a candidate has to come with what it promises
-)
+FAR_BEHIND = 0.1
+"""Of the gain that the best has made after a first look, to which a candidate has to come with what it promises."""
 FRONT = 0.25  # of the best linear score: candidates that are looked at before the others
 NEARLY_ALL = 0.15
 """Of the nats above white noise as loud as the instruments show it, that a candidate leaves where the others have next
@@ -149,8 +148,7 @@ class _Screening:
         self, tell: Callable[[str], None], count: int, what: str, behind: Callable[[Refit, float], bool]
     ) -> None:
         self._tell, self._count, self._done, self._what, self._behind = tell, count, 0, what, behind
-        self._leader: Refit | None = None
-        self._kept: list[Refit] = []
+        self._front: list[Refit] = []  # the best first
         self._since, self._lock = time.monotonic(), threading.Lock()
 
     def ends(self, variant: Variant, refit: LookedAt) -> LookedAt:
@@ -158,24 +156,26 @@ class _Screening:
         those of all but the best. All run at the same time, so the rest of them takes its share at most."""
         with self._lock:
             self._done += 1
-            if refit is not None and (self._leader is None or refit.gain > self._leader.gain):
-                self._leader = refit
-            best = 0.0 if self._leader is None else self._leader.gain
-            if refit is not None and self._behind(refit, best):
-                refit.fit.lets_go()
-            elif refit is not None and refit.fit.likelihood.is_cut:
-                self._kept = sorted([*self._kept, refit], key=_by_gain)
-                let_go(self._kept[WITH_COLUMNS:])
-                del self._kept[WITH_COLUMNS:]
+            if refit is not None:
+                self._takes(refit)
             left = self._count - self._done
             told = f"{variant.name}, {self._done} of {self._count}"
-            if self._leader is not None:
-                told += f"; best so far {self._leader.variant.effect}, {self._leader.gain:.3g} nats"
+            if self._front:
+                told += f"; best so far {self._front[0].variant.effect}, {self._front[0].gain:.3g} nats"
             if left:
                 seconds = (time.monotonic() - self._since) * left / self._count
                 told += f"; about {seconds:.0f} s left for {self._what}"
             self._tell(told)
         return refit
+
+    def _takes(self, refit: Refit) -> None:
+        front = sorted([*self._front, refit], key=_by_gain)
+        if self._behind(refit, front[0].gain):
+            refit.fit.lets_go()
+            return
+        self._front = front
+        if refit.fit.likelihood.is_cut:
+            let_go(front[WITH_COLUMNS:])
 
 
 class Refinement:

@@ -2,8 +2,8 @@
 
 Eight runs are the lanes of one vector (`lanes.py`). Each has its own plant parameters, effects, start and, if wanted,
 its own coenergy surface and additions to the inputs; step and the plant's build (drive, sides, magnets) are the same
-for all. What a lane gives is what `kernel.run` gives alone, to the last bit; in segments
-(`segments.py`) to the last digits.
+for all. What a lane gives is what `kernel.run` gives alone, to the last bit; in segments (`segments.py`) to the last
+digits.
 """
 
 from collections.abc import Sequence
