@@ -30,7 +30,9 @@ from msl_fem.diagnosis.refits import (
     strained,
 )
 from msl_fem.diagnosis.scores import AmountColumns, Score, ScoredVariants, scored
+from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.diagnosis.variants import Variant
+from msl_fem.plant.effects import CATALOGUE
 
 MOST_TRIED = 7
 FEWEST_TRIED = 3
@@ -152,20 +154,28 @@ def _of_effects(effects: Collection[str], tried: Sequence[Variant]) -> list[Vari
 def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:
     """Of effects that are chosen the variants with an amount that the chosen ones lack, with which as it is, in one of
     some sizes, the record is likelier than the best linear score promises: the slope at nothing says little of what
-    acts beyond a threshold, as a slew limit does. Such amounts are one-sided."""
+    acts beyond a threshold, as a slew limit does. Such amounts are one-sided. Those that are measured in sampling
+    periods, lags and delays, are tried in the largest size whatever is chosen, where their slope points the other way:
+    what follows within a sample shows nothing of a lag that is well below a period."""
     effects = {score.variant.effect for score in chosen}
     had = {amount.place for score in chosen for amount in score.variant.amounts}
     lacking: list[Score] = []
     for score in every:
         [amount, *more] = score.variant.amounts
-        if more or score.variant.effect not in effects or amount.place in had or not amount.one_sided:
+        if more or amount.place in had or not amount.one_sided:
+            continue
+        hidden = _in_periods(amount) and not np.any(score.guess)
+        if score.variant.effect not in effects and not hidden:
             continue
         had.add(amount.place)
         lacking.append(score)
 
+    def sizes_of(score: Score) -> tuple[float, ...]:
+        return FINITE if score.variant.effect in effects else FINITE[-1:]
+
     def costs_of(score: Score) -> Array:
         shapes = np.zeros(len(score.variant.shapes))
-        rows = np.array([np.concatenate([base.z, [size], shapes]) for size in FINITE])
+        rows = np.array([np.concatenate([base.z, [size], shapes]) for size in sizes_of(score)])
         likelihood = base.likelihood.gathering(gathered_here())
         return objectives(likelihood, extended(base.unknowns, score.variant), rows)
 
@@ -173,12 +183,26 @@ def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]
     every_cost = in_gatherings(costs_of, lacking, at_once=AT_ONCE, threads=base.likelihood.threads)
     for score, costs in zip(lacking, every_cost, strict=True):
         [amount] = score.variant.amounts
-        gain, size = float(base.objective - costs.min()), FINITE[int(np.argmin(costs))]
+        gain, size = float(base.objective - costs.min()), sizes_of(score)[int(np.argmin(costs))]
         if gain > every[0].gain:
-            for one in (score, *_fullest(every, score)):
+            for one in (*_forms_of(every, score), *_fullest(every, score)):
                 guess = np.array([size if own.place == amount.place else 0.0 for own in one.variant.amounts])
                 found.append(replace(one, gain=gain, guess=guess, shift=np.zeros_like(one.shift)))
     return found
+
+
+def _in_periods(amount: EffectUnknown) -> bool:
+    """Whether an amount is measured in sampling periods."""
+    return ("period", 1) in CATALOGUE[amount.effect].parameter(amount.name).of
+
+
+def _forms_of(every: Sequence[Score], single: Score) -> list[Score]:
+    """The variants with the one amount of a single one, alike or with other shapes."""
+    return [
+        one
+        for one in every
+        if one.variant.effect == single.variant.effect and one.variant.amounts == single.variant.amounts
+    ]
 
 
 def _fullest(every: Sequence[Score], single: Score) -> list[Score]:

@@ -40,6 +40,8 @@ from msl_fem.plant.layout import (
     DRIVE_RAMP,
     ENERGY_ELECTRICAL,
     FORMER_1,
+    GIVEN_BEGIN_1,
+    GIVEN_END_1,
     I1,
     I2,
     INPUTS_BEGIN,
@@ -359,13 +361,31 @@ def _amplifier(e: Rows, state: Rows, work: Rows, j: int, n: int, part: float, st
         value, straight = _limited(e, new, away, jump, e[electrical.DECAY], past)
         end, last = choose(limited, fma(kept, end - straight, value), end), choose(limited, value, last)
     work[LAG_END_1 + j] = last
+    own, first_asked, last_asked = state[LAG_1 + j], choose(jumps & (share == 0.0), new, old), new
+    if linear:
+        first_asked, last_asked = _asked_at_ends(e, work, j, n, part)
+    work[GIVEN_BEGIN_1 + j] = own + e[electrical.THROUGH] * (first_asked - own)
+    work[GIVEN_END_1 + j] = last + e[electrical.THROUGH] * (last_asked - last)
     return begin, middle, end
 
 
 @compiled
 def _rising(e: Rows, work: Rows, j: int, n: int, part: float) -> tuple[Value, Value]:
     """(mean, rise) over step n, `part` of a sample, of a command that runs straight between its samples."""
-    return _straight(work, j, part * (n - e[electrical.JUMP_STEP] - e[electrical.JUMP_SHARE]), part)
+    return _straight(work, j, _behind(e, n, part), part)
+
+
+@compiled
+def _asked_at_ends(e: Rows, work: Rows, j: int, n: int, part: float) -> tuple[Value, Value]:
+    """That command at begin and end of step n."""
+    behind = _behind(e, n, part)
+    return _between_samples(work, j, behind), _between_samples(work, j, behind + part)
+
+
+@compiled
+def _behind(e: Rows, n: int, part: float) -> Value:
+    """How many samples behind the command that acts step n begins, `part` of a sample."""
+    return part * (n - e[electrical.JUMP_STEP] - e[electrical.JUMP_SHARE])
 
 
 @compiled

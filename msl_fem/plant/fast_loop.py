@@ -15,7 +15,7 @@ field energy, as in an ideal drive whose current jumps.
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, size, some
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, exponential, first, size, some
 from msl_fem.plant.effects import electrical, magnetic
 from msl_fem.plant.iron_beside_loop import NO_WAY, no_eddies, put_beside_iron, with_memory
 from msl_fem.plant.known_currents import put_fall, rates_together
@@ -24,6 +24,10 @@ from msl_fem.plant.layout import (
     CIRCUIT_2,
     EMF,
     ENERGY_ELECTRICAL,
+    GIVEN_BEGIN_1,
+    GIVEN_BEGIN_2,
+    GIVEN_END_1,
+    GIVEN_END_2,
     I1,
     INDUCTANCE,
     KNOWN_1,
@@ -51,6 +55,7 @@ from msl_fem.plant.layout import (
     MMF,
     MUTUAL,
     N_CIRCUIT,
+    N_EDDY,
     N_KNOWN,
     RESISTANCE,
     SHARED_BEFORE,
@@ -65,6 +70,7 @@ from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 from msl_fem.plant.poles import (
     FAST,
+    answers_to_ends,
     fall_moments,
     falls_together,
     limited_line,
@@ -199,7 +205,7 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         work[KNOWN_1 + j * N_KNOWN + KNOWN_MISSING] = above
         if e is not None:
             above = with_memory(cells, p, e, state, work, j, above, free)
-            _heed_limit(e, state, work, j, above, step)
+            _heed_limit(p, e, state, work, j, above, step)
         work[KNOWN_1 + j * N_KNOWN + KNOWN_ABOVE] = above
     free = (work[LIMITED_1] + work[LIMITED_1 + 1]) == 0.0
     for j in range(p.sides):
@@ -209,6 +215,7 @@ def set_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
     if e is not None:
         _with_modes(p, e, state, work, free, step)
         put_beside_iron(cells, p, e, state, work, free, step)
+        _follow_ends(p, e, state, work, free, step)
 
 
 @compiled
@@ -247,15 +254,62 @@ def _missing(p: PlantParameters, e: Rows, work: Rows, j: int) -> Value:
 
 
 @compiled
-def _heed_limit(e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
-    """Lets the voltage limit of side j be, where modes of eddy currents fade: the current, which is hardly off, has to
-    go the other way."""
-    if not have_modes(e):
+def _heed_limit(p: PlantParameters, e: Rows, state: Rows, work: Rows, j: int, above: Value, step: float) -> None:
+    """Lets the voltage limit of side j be where the current has to go the other way, or is not as far off as the limit
+    asks: where modes of eddy currents fade, or the target begins elsewhere than the value that stands for it."""
+    ends = _ends_count(e)
+    if not (have_modes(e) or some(ends)):
         return
-    stays, rate = beside_modes(e, state, work, j, above, e[electrical.BANDWIDTH])
-    away = stays + mean_target(work, j)[1] * (0.5 + 1.0 / (rate * step))
-    lets = (e[magnetic.EDDY_EXACT] > 0.0) & (work[SLOPES + I1 + j] * away >= 0.0)
-    work[LIMITED_1 + j] = choose(lets, 0.0, work[LIMITED_1 + j])
+    stays, rate = beside_modes(e, state, work, j, above, _rate(p, e, work, j))
+    z = rate * step
+    away = stays + target_rise(p, e, work, j) * (0.5 + 1.0 / z)
+    if some(ends):
+        away = away - choose(ends, answers_to_ends(z, _off_line(p, e, work, j))[0], 0.0)
+    slope, looked_at = work[SLOPES + I1 + j], choose(ends, 1.0, e[magnetic.EDDY_EXACT]) > 0.0
+    acts = (slope * away < 0.0) & (choose(ends, rate * size(away) - size(slope), 1.0) > 0.0)
+    work[LIMITED_1 + j] = choose(looked_at, choose(acts, work[LIMITED_1 + j], 0.0), work[LIMITED_1 + j])
+
+
+@compiled
+def _ends_count(e: Rows) -> Flag:
+    """Where targets may begin and end elsewhere than the line with their mean and first moment: they fall, or jump
+    within a step."""
+    return e[electrical.DECAY] + e[electrical.JUMP_SHARE] + e[electrical.SLEW_TIME] > 0.0
+
+
+@compiled
+def _off_line(p: PlantParameters, e: Rows, work: Rows, j: int) -> tuple[Value, Value]:
+    """What the target of side j, and its share of the other one's, is at begin and end above that line, in A."""
+    mean, rise = mean_target(work, j)
+    begin, end = work[GIVEN_BEGIN_1 + j] - mean, work[GIVEN_END_1 + j] - mean
+    if p.sides == 2:
+        share, (other, others_rise) = e[magnetic.SHARE], mean_target(work, 1 - j)
+        begin, end = begin + share * (work[GIVEN_BEGIN_2 - j] - other), end + share * (work[GIVEN_END_2 - j] - other)
+        rise = rise + share * others_rise
+    return begin + 0.5 * rise, end - 0.5 * rise
+
+
+@compiled
+def _follow_ends(p: PlantParameters, e: Rows, state: Rows, work: Rows, free: Flag, step: float) -> None:
+    """Into the rows of the sides, no voltage limit in the way, what their loops make of targets that begin and end
+    elsewhere than the lines that have stood for them."""
+    ends = free & _ends_count(e)
+    if not some(ends):
+        return
+    for j in range(p.sides):
+        row = KNOWN_1 + j * N_KNOWN
+        modes = e[magnetic.EDDY_MODE]
+        for k in range(1, N_EDDY):
+            modes = modes + e[magnetic.EDDY_MODE + k]
+        stiffer = (1.0 + work[row + KNOWN_MEMORY]) * (1.0 + work[CIRCUIT_1 + j * N_CIRCUIT + INDUCTANCE] * modes)
+        z = _rate(p, e, work, j) * step * stiffer
+        begin, end = answers_to_ends(z, _off_line(p, e, work, j))
+        last = (end - begin * exponential(0.0 - z)) / stiffer
+        last = choose(ends & (work[row] > 0.0), last, 0.0)
+        for k in range(3):
+            work[row + KNOWN_VALUE + k] = work[row + KNOWN_VALUE + k] - last / z
+            work[row + KNOWN_SLOPES + k] = work[row + KNOWN_SLOPES + k] + last / step
+        work[row + KNOWN_LAST] = work[row + KNOWN_LAST] + last
 
 
 @compiled

@@ -97,11 +97,13 @@ Y = _WORK.row(N_INTEGRATED)  # the integrated states at which slopes are taken
 INPUTS_BEGIN, INPUTS_MIDDLE, INPUTS_END = _WORK.rows(3, N_INPUT)  # of a step
 # Whether a side met its voltage limit (0 or 1); commands of the call, clipped, and those before them; what they rise by
 # over a sample (0 where they are held), those before them too; where amplifier, drive and periodic disturbance stand
-# at the end of a step; the mean voltages of a call (N in force drive)
+# at the end of a step; the mean voltages of a call (N in force drive); what the amplifier gives at a step's begin, and
+# at its end
 LIMITED_1, LIMITED_2, COMMAND_1, COMMAND_2, FORMER_1, FORMER_2 = _WORK.rows(6)
 RISE_1, RISE_2, OUTPUT_END_1, OUTPUT_END_2 = _WORK.rows(4)
 SLEW_END_1, SLEW_END_2, LAG_END_1, LAG_END_2, PHASE_COSINE_END, PHASE_SINE_END = _WORK.rows(6)
 MEAN_VOLTAGE_1, MEAN_VOLTAGE_2 = _WORK.rows(2)
+GIVEN_BEGIN_1, GIVEN_BEGIN_2, GIVEN_END_1, GIVEN_END_2 = _WORK.rows(4)
 STEPS_DONE = _WORK.row()  # of the last call
 # Weights of the position sensor's lag over a step (`lag_weights`); of the drive's lag what stands for its fall at
 # begin, middle and end, and what is left (`fall_rows`), its answers to an input that rises by 1 in a step

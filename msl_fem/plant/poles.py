@@ -137,6 +137,17 @@ def slopes_of_fall(start: Value, m_0: Value, m_s: Value, last: Value) -> tuple[V
 
 
 @compiled
+def answers_to_ends(z: Value, off: tuple[Value, Value]) -> tuple[Value, Value]:
+    """(begin, end) of what a loop of z a step makes of a signal that is `off` at begin and end, without mean and first
+    moment, but for what falls as exp(-z s): x - x'/z + x''/z^2 - x\'\'\'/z^3 of x = a P_2 + b P_3 over the step, with
+    the polynomials of Legendre."""
+    a, b, per = 0.5 * (off[0] + off[1]), 0.5 * (off[1] - off[0]), 1.0 / z
+    even = per * per * (12.0 * a - 120.0 * b * per) - 12.0 * b * per
+    odd = 6.0 * a * per - 60.0 * b * per * per
+    return off[0] + even + odd, off[1] + even - odd
+
+
+@compiled
 def limited_line(way: Value, moved: Value, at_end: Value, z: Value) -> tuple[Value, Value]:
     """(share of the step in which the limit acts, what is left of `way` at its end) where a limited slope moves by
     `moved` in a whole step, and where it ceases to act by `at_end`; 2 where the limit acts all along, or drives the

@@ -1,17 +1,25 @@
 """What acts beyond a threshold alone has no slope at nothing: it is tried in some sizes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from diagnosed import SERVO, TABLE
+from short_menu import cut_menu
 
+from msl_fem.bench import BenchOptions, sealed_record
+from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.search import FINITE, beyond_thresholds
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
+from msl_fem.plant.excitation import parse_excitation
 
+NOISE = "band-limited-noise:bias=0.6 A,amplitude=0.03 A,band=300 Hz,duration=1 s,seed=4,role=fit"
+SWEEP = "swept-sine:bias=0.6 A,amplitude=0.02 A,start=10 Hz,stop=200 Hz,duration=0.6 s,role=held-out"
 LAG, SLEW = (EffectUnknown("amplifier_bandwidth", name) for name in ("lag", "slew_time"))
 DETUNED = EffectUnknown("amplifier_bandwidth", "bandwidth_error")
 FRICTION = EffectUnknown("coulomb_friction", "force")
@@ -64,3 +72,42 @@ def test_an_amount_that_its_effect_s_candidates_lack_is_one_where_its_size_bring
 def test_none_is_where_a_linear_score_promises_more_or_candidates_have_it() -> None:
     assert beyond_thresholds(base(600.0), EVERY, [DETUNED_DRIVE]) == []
     assert beyond_thresholds(base(5000.0), EVERY, [DETUNED_DRIVE, BOTH]) == []
+
+
+def test_a_delay_whose_slope_points_the_other_way_is_tried_whatever_is_chosen() -> None:
+    """By one size, a period; of an effect that is not chosen, and with no more than a slope that says nothing of it."""
+    late = EffectUnknown("time_delay", "command")
+    delayed, guessed = score(-5.0, late), replace(score(-5.0, late), guess=np.array([0.2]))
+
+    class Late(Slewing):
+        def spectra(self, points: Points) -> np.ndarray:
+            assert points.effects is not None
+            delay = np.array([late.z_of(float(row[late.place])) for row in points.effects])
+            return 1e4 - self.depth * np.isclose(delay, FINITE[-1])[:, None]
+
+    at = base(5000.0)
+    at.likelihood = Late(5000.0)
+    found = beyond_thresholds(at, [DETUNED_DRIVE, delayed, FRICTIONAL], [FRICTIONAL])
+    assert [(one.variant, one.guess.tolist()) for one in found] == [(delayed.variant, [FINITE[-1]])]
+    assert beyond_thresholds(at, [DETUNED_DRIVE, guessed, FRICTIONAL], [FRICTIONAL]) == []
+
+
+def test_all_forms_of_an_amount_that_brings_more_are_tried() -> None:
+    """With and without a shape: which of them lies first among scores that say nothing is chance."""
+    shape = EffectUnknown("amplifier_bandwidth", "delay_share", 0.3, 0.8)
+    shaped = replace(SLEWING, variant=replace(SLEWING.variant, shapes=(shape,)))
+    found = beyond_thresholds(base(5000.0), [DETUNED_DRIVE, shaped, SLEWING], [DETUNED_DRIVE])
+    assert [one.variant for one in found] == [shaped.variant, SLEWING.variant]
+
+
+def test_a_drive_that_is_ten_thousand_times_slower_than_stated_has_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1 kHz, stated as 10 MHz: within a sample the stated drive follows, so the slope of its readings says nothing of
+    a lag. A delay had the name, beside eddy currents and the sensor's lag."""
+    runs = tuple(parse_excitation(text) for text in (NOISE, SWEEP))
+    options = BenchOptions(seed=5, rate=1e4, excitations=runs, stated_bandwidth=10e6)
+    cut_menu(monkeypatch, entries=0)
+    told = diagnose(sealed_record(SERVO, TABLE, (), options).record, DiagnosisSettings(table=TABLE))
+    assert told.names == ("amplifier_bandwidth",)
+    [cause] = told.causes
+    assert cause.parameters["lag"].value == pytest.approx(1 / (2 * np.pi * 1e3), rel=2e-3)
+    assert told.verdict == "named"

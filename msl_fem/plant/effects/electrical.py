@@ -30,6 +30,7 @@ BANDWIDTH = LAYOUT.row()  # of the drive, rad/s
 DELAY_SAMPLES, JUMP_STEP, JUMP_SHARE = LAYOUT.rows(3)
 # What is left of the lag at begin, middle and end of a step, and behind it; the same of a jump within the step
 FALL, JUMP = LAYOUT.rows(2, 4)
+THROUGH = LAYOUT.row()  # the share of what a command is above where the lag is, that acts at once
 SLEW_TIME = LAYOUT.row()
 LAG_RAMP = LAYOUT.row(4)  # the lag's answers to a command that rises by 1 in a step
 # Slew limit of the lag: one over what it moves by in a time constant at most (1/A, 1/V, 1/N); a step over the time
@@ -73,9 +74,11 @@ def command_path(e: Array, v: Values, setting: KernelSetting) -> None:
         e[PAST_MIDDLE], e[PAST_END] = min(0.5, e[JUMP_SHARE]) * decay, e[JUMP_SHARE] * decay
     else:
         e[SLEW_TIME] = v["amplifier_bandwidth", "slew_time"]
+        e[THROUGH] = 1.0 if e[SLEW_TIME] == 0.0 else 0.0
     for k, s in enumerate((0.0, 0.5, 1.0, 1.0)):
         e[LAG_RAMP + k] = s - 0.5 - 1.0 / decay + (0.5 + 1.0 / decay) * e[FALL + k]
     if zero > 0.0:
+        e[THROUGH] = zero / lag
         _mix_zero(e, zero / lag)
 
 
