@@ -133,13 +133,13 @@ class AmountColumns:
 
     def of(self, found: Fit, amounts: Sequence[Amount]) -> Slopes:
         """The columns of amounts, not weighted; those of which there are none are simulated at the fit."""
-        raw = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # column by column, as simulated ones
-        new = [amount for amount in amounts if amount not in self.places]
-        old = np.array([amount in self.places for amount in amounts], dtype=bool)
-        raw[:, old] = self.weighted[:, [self.places[one] for one in amounts if one in self.places]]
-        raw[:, old] /= self.root[:, None]
+        raw: Slopes = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # by columns, as simulated ones
+        new = [n for n, amount in enumerate(amounts) if amount not in self.places]
+        for n, amount in enumerate(amounts):  # one after the other: together they are as large as all Jacobians
+            if amount in self.places:
+                raw[:, n] = self.weighted[:, self.places[amount]] / self.root
         if new:
-            raw[:, ~old] = signatures(found, new)
+            raw[:, new] = signatures(found, [amounts[n] for n in new])
         return raw
 
 

@@ -219,12 +219,14 @@ def _fullest(every: Sequence[Score], single: Score) -> list[Score]:
 
 
 def converged_base(start: Fit) -> Fit:
-    """A fit from where it is to its end."""
+    """A fit from where it is to its end; its Jacobian stays with the end alone."""
     if start.converged or start.finished:
         return start
     columns = start.jacobian[:, : start.unknowns.n_nuisance]
     plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan()
-    return fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
+    found = fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
+    start.lets_go()
+    return found
 
 
 def _best_of(every: Sequence[Score]) -> list[Score]:
