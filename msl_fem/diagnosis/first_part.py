@@ -17,10 +17,6 @@ from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, ROUGH, Refinement, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
-SAMPLES = 20_000
-"""Of all runs together, that are looked at first."""
-LONGER = 2.0
-"""Times as many, from which a record is long."""
 PLENTY = 1_000.0
 """Nats of these samples above those of noise, from which they tell causes apart."""
 
@@ -51,11 +47,9 @@ def best_first(
 def _over_first_part(base: Fit) -> Fit | None:
     """A fit led to its end over the first part of a long record; None where that is not worth it."""
     whole = base.likelihood
-    if not whole.is_cut or max(base.excess.values()) <= QUIET:
+    if not (whole.is_cut and whole.is_long) or max(base.excess.values()) <= QUIET:
         return None
-    if sum(len(run.commands) for run in whole.problem.runs) < LONGER * SAMPLES:
-        return None
-    likelihood, numbers = whole.first(SAMPLES)
+    likelihood, numbers = whole.first_part()
     if base.objective - base.nats_of_noise < PLENTY * base.residual.size / np.count_nonzero(numbers):
         return None
     there = fit_there(likelihood, base.unknowns, base.z, base.jacobian[numbers])

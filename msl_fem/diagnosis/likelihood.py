@@ -47,6 +47,10 @@ CONVERGED = 0.05
 """Nats that a further step would gain, at which a fit has converged."""
 QUIET = 1.1
 """RMS residual over the noise's sigma, up to which a residual is noise."""
+SAMPLES = 20_000
+"""Of all runs together, the first part of a record that is followed in stretches."""
+LONGER = 2.0
+"""Times as many, from which a record is long."""
 
 
 def over_chance(residual: Array) -> float:
@@ -302,15 +306,21 @@ class Likelihood:
         moves = cut.moves(over)
         return cut.without_starts(over, moves), moves.reshape(len(moves), -1)
 
-    def first(self, samples: int) -> tuple["Likelihood", NDArray[np.bool_]]:
-        """That of the first stretches alone (`FitProblem.first`), and which of the numbers, (n_number,), are its."""
-        problem = self.problem.first(samples)
+    def first_part(self) -> tuple["Likelihood", NDArray[np.bool_]]:
+        """That of the first stretches alone, `SAMPLES` of them at least (`FitProblem.first`), and which of the numbers,
+        (n_number,), are its."""
+        problem = self.problem.first(SAMPLES)
         kept = [part.stop <= len(problem.runs[run].commands) for run, part in self.problem.pieces]
         lines, band_of = tuple(compress(self.bands.lines, kept)), tuple(compress(self.bands.band_of, kept))
         numbers = np.repeat(kept, self._sizes_of_pieces)
         beside = np.ones(self.labels.size - numbers.size, dtype=bool)  # a map's rows
         bands = replace(self.bands, lines=lines, band_of=band_of)
         return replace(self, problem=problem, bands=bands), np.concatenate([numbers, beside])
+
+    @property
+    def is_long(self) -> bool:
+        """Whether runs have so many samples that their first part is worth a fit of its own."""
+        return sum(len(run.commands) for run in self.problem.runs) >= LONGER * SAMPLES
 
     @property
     def _sizes_of_pieces(self) -> list[int]:

@@ -13,10 +13,10 @@ from msl_fem.diagnosis.table_error import TableErrorModes
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
 from msl_fem.plant import Surface
-from msl_fem.plant.effects import neutral_vector
+from msl_fem.plant.effects import PARAMETER_INDEX, neutral_vector
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_block import FEW, LaneSettings
-from msl_fem.plant.lane_run import LaneRun, run_lanes, told_apart
+from msl_fem.plant.lane_run import LaneRun, goes_on, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
@@ -249,6 +249,14 @@ def lanes(
     return run_lanes(surface, plants, inputs, substeps=steps, settings=settings)
 
 
+def follows_from_before(problem: FitProblem, points: Points, run: int, *, substeps: int, own: Stretches) -> bool:
+    """Whether a stretch follows from what those before have done to the model, as with a second mass: they are then
+    neither better nor worse by themselves."""
+    surface, plants, settings = _lane_settings(problem, points, run, own)
+    steps = problem.steps(substeps, fine=bool(points.wants_fine.any()))
+    return goes_on(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
+
+
 def _lane_settings(
     problem: FitProblem, points: Points, run: int, own: Stretches | None = None
 ) -> tuple[Surface, list[PlantParameters], LaneSettings]:
@@ -287,6 +295,8 @@ def states(plant: KernelPlant, data: RunData, starts: Array, factors: Mapping[st
     """(n_stretch, 4) where stretches begin in truth, by a plant whose instruments have these factors beside its own."""
     found = starts.copy()
     gain, zero = instrument_line(plant, POSITION_COLUMN, factors)
+    if plant.effects is not None:
+        gain *= 1.0 + plant.readings[PARAMETER_INDEX["position_sensor_nonlinearity", "gain_error"]]
     found[:, 2], found[:, 3] = (starts[:, 2] - zero) / gain, starts[:, 3] / gain
     for side in range(plant.parameters.sides):
         column = Channel("current", side + 1).column

@@ -477,13 +477,21 @@ class Refinement:
         z[amounts.stop :] = 0.0
         nearly = z.copy()
         nearly[amounts] *= LEAST
-        likelihood = refit.fit.likelihood.gathering(gathered_here())
+        whole = refit.fit.likelihood.gathering(gathered_here())
+        begins_in_part = whole.is_cut and whole.is_long
+        likelihood = whole.first_part()[0] if begins_in_part else whole
         likelihood = likelihood.followed(unknowns, nearly) if likelihood.is_cut else likelihood
         rows = np.tile(z, (len(SIZES) + 1, 1))
         rows[1:, amounts] *= SIZES[:, None]
         rows[0] = as_believed(refit.fit) if variant == refit.variant else z
         rows = np.array([unknowns.allowed(row) for row in rows])
         best = rows[int(np.argmin(objectives(likelihood, unknowns, rows)))]
+        if begins_in_part:
+            try:
+                best = fit(likelihood, unknowns, best, plan=replace(plan, fresh_end=False)).z
+            except ComputationError:
+                return None
+            likelihood = whole.followed(unknowns, best)
         return self._tried(replace(refit.fit, likelihood=likelihood.gathering(None)), variant, best, plan)
 
     def _begun_anew(self, refit: Refit, z: Array, plan: FitPlan, columns: Slopes | None = None) -> Refit | None:

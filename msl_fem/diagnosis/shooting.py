@@ -5,15 +5,16 @@ begins with the shortest stretches; neighbours are joined as long as the model, 
 the record from a start that suits both of them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
-from msl_fem.diagnosis.problem import FitProblem, Points, lanes, missed
+from msl_fem.diagnosis.problem import FitProblem, Points, follows_from_before, lanes, missed
 from msl_fem.diagnosis.stretches import Stretches, moved
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.plant.excitation import Inputs
@@ -62,39 +63,115 @@ class ModelSpread:
         return self.z + self.moves
 
 
-class _Refinement:
-    """Starts of stretches on their way to those that leave least."""
+@dataclass(frozen=True, eq=False)
+class _Simulated:
+    """Stretches with their slopes, what is left over the noise of each channel, and its squares of each stretch."""
 
-    def __init__(self, cut: Stretches, sigmas: Array, growth_of: Callable[[Stretches], Array] | None = None) -> None:
-        """`growth_of` tells how an error of each start grows, where stretches with too much of it need no starts."""
-        self.cut = self.best = cut
+    cut: Stretches
+    left: list[Array]
+    costs: Array
+
+    @classmethod
+    def of(cls, cut: Stretches, over: Sequence[Array]) -> "_Simulated":
+        costs = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in over), cut.begins)
+        return cls(cut, [np.nan_to_num(values) for values in over], costs)
+
+    @property
+    def total(self) -> float:
+        return float(np.sum(self.costs))
+
+    def or_better(self, other: "_Simulated") -> "_Simulated":
+        """Of each stretch the one that leaves less, each as it was simulated behind its own ones."""
+        better = other.costs < self.costs
+        now = np.repeat(better, np.diff([*self.cut.begins, self.left[0].size]))
+        starts = np.where(better[:, None], other.cut.starts, self.cut.starts)
+        slopes = np.where(now, other.cut.slopes, self.cut.slopes)
+        left = [np.where(now, new, old) for new, old in zip(other.left, self.left, strict=True)]
+        return _Simulated(replace(self.cut, starts=starts, slopes=slopes), left, np.minimum(self.costs, other.costs))
+
+
+class _Refinement:
+    """Starts of stretches on their way to those that leave least.
+
+    Where all that a state keeps over a start soon settles, each stretch is better or worse by itself. Where something
+    lasts, as the motion of a second mass, a stretch follows from what those before have done to the model: of some
+    starts that are better and others that are not, what they leave together tells a simulation alone.
+    """
+
+    def __init__(
+        self,
+        cut: Stretches,
+        sigmas: Array,
+        *,
+        by_themselves: bool,
+        growth_of: Callable[[Stretches], Array] | None = None,
+    ) -> None:
+        """`by_themselves` are stretches of which none follows from those before; `growth_of` tells how an error of each
+        start grows, where stretches with too much of it need no starts."""
+        self.cut = cut
         self._growth_of = growth_of
         self.settled = self.near_by = False
-        self._idle = 0
-        self._sigmas, self._kept = sigmas, [np.zeros(0)]
-        self.least, self._part = np.full(cut.begins.size, np.inf), np.ones(cut.begins.size)
+        self._idle, self._sigmas = 0, sigmas
+        self._part = np.ones(cut.begins.size)
+        self._kept: _Simulated | None = None
+        self._every: tuple[_Simulated, ...] = ()
+        self._by_themselves = by_themselves
 
-    def take(self, base: list[Array], slopes: Array | None) -> None:
+    @property
+    def best(self) -> Stretches:
+        return self.cut if self._kept is None else self._kept.cut
+
+    @property
+    def least(self) -> Array:
+        """(n_stretch,) squares that are left."""
+        assert self._kept is not None
+        return self._kept.costs
+
+    def take(self, over: list[Array], slopes: Array | None) -> None:
         """Residuals over the noise, and slopes of the starts, at `cut`: the better ones of each stretch are kept.
         Without slopes those before are kept."""
-        cut, first = self.cut, np.isinf(self.least).all()
-        cost = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in base), cut.begins)
-        better = cost < self.least
-        brings_little = not first and float(np.sum((self.least - cost)[better])) < LITTLE
-        self._idle = self._idle + 1 if brings_little else 0
+        found = _Simulated.of(replace(self.cut, slopes=self.best.slopes if slopes is None else slopes), over)
+        before, self._every = self._kept, ()
+        if before is None:
+            self._kept = found
+            if self._growth_of is not None:
+                self._part[self._growth_of(found.cut) > HOPELESS * MOST_GROWTH] = 0.0
+            return
+        better = found.costs < before.costs
         self._part = np.where(better & (self._part > 0.0), 1.0, self._part / 2)
-        self.least = np.where(better, cost, self.least)
-        starts = np.where(better[:, None], cut.starts, self.best.starts)
-        base = [np.nan_to_num(values) for values in base]
-        if slopes is None:
-            slopes = self.best.slopes
-        if not first:
-            now = np.repeat(better, np.diff([*cut.begins, base[0].size]))
-            base = [np.where(now, new, old) for new, old in zip(base, self._kept, strict=True)]
-            slopes = np.where(now, slopes, self.best.slopes)
-        self._kept, self.best = base, replace(cut, starts=starts, slopes=slopes)
-        if first and self._growth_of is not None:
-            self._part[self._growth_of(self.best) > HOPELESS * MOST_GROWTH] = 0.0
+        self._kept = before.or_better(found)
+        if better.any() and not better.all() and not self._by_themselves:
+            self._every = before, found
+        else:
+            self._tells_idle(before)
+
+    @property
+    def mixed(self) -> bool:
+        """Whether what is kept has to be simulated: `mix` takes what it leaves."""
+        return bool(self._every)
+
+    def mix(self, over: list[Array]) -> None:
+        """What the kept starts leave together, over the noise: the best is kept of these, those before, and those that
+        were tried last."""
+        assert self._kept is not None
+        mixed = _Simulated.of(self._kept.cut, over)
+        before, found = self._every
+        self._kept = min((before, found, mixed), key=lambda one: one.total)
+        if self._kept is before:
+            self._part /= 2
+        if self._kept is found:
+            self._part[self._part > 0.0] = 1.0
+        self._tells_idle(before)
+
+    def _tells_idle(self, before: _Simulated) -> None:
+        assert self._kept is not None
+        self._idle = self._idle + 1 if before.total - self._kept.total < LITTLE else 0
+
+    def or_better(self, other: "_Refinement") -> Stretches:
+        """Of each stretch the start that leaves less, of both."""
+        assert self._kept is not None
+        assert other._kept is not None
+        return self._kept.or_better(other._kept).cut
 
     def give_up(self, least: Array) -> None:
         """Lets stretches stay that leave far more than the least known, (n_stretch,), of which something else is
@@ -103,7 +180,8 @@ class _Refinement:
 
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
-        moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept])[0])
+        assert self._kept is not None
+        moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept.left])[0])
         largest = float(np.abs(moves).max())
         self.settled, self.near_by = largest < SETTLED or self._idle >= MOST_IDLE, largest < NEAR_BY
         self.cut = replace(self.best, starts=moved(self.best.starts, moves * self._sigmas))
@@ -149,11 +227,26 @@ class Shooting:
 
     def split(self, cut: Stretches) -> Stretches:
         """Stretches cut in `PARTS` each."""
+        return self.refined(self._split(cut, PARTS))
+
+    def _split(self, cut: Stretches, parts: int) -> Stretches:
+        """Stretches cut in so many parts each, with starts as guessed."""
         lengths = np.diff([*cut.begins, len(self.data.commands)])
-        parts = np.clip(lengths // SHORTEST, 1, PARTS)
-        begins = np.concatenate([b + n * np.arange(k) // k for b, n, k in zip(cut.begins, lengths, parts, strict=True)])
-        made = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
-        return made if cut.outside is None else replace(made, outside=np.repeat(cut.outside, parts))
+        counts = np.clip(lengths // SHORTEST, 1, parts)
+        each = zip(cut.begins, lengths, counts, strict=True)
+        begins = np.concatenate([b + n * np.arange(k) // k for b, n, k in each])
+        made = guessed(self.plant, self.data, begins, self.sigmas.size)
+        return made if cut.outside is None else replace(made, outside=np.repeat(cut.outside, counts))
+
+    def _from_shorter(self, cut: Stretches) -> Stretches:
+        """Stretches with starts that leave least, from those of their parts, each twice as long as the one before."""
+        found = self.refined(self._split(cut, PARTS), LONG)
+        for longer in (self._split(cut, PARTS // 2), cut):
+            at = np.minimum(np.searchsorted(found.begins, longer.begins), found.begins.size - 1)
+            known = found.begins[at] == longer.begins
+            starts = np.where(known[:, None], found.starts[at], longer.starts)
+            found = self.refined(replace(longer, starts=starts), LONG)
+        return found
 
     def _between_margins(self, cut: Stretches) -> tuple[list[Array], Array, NDArray[np.bool_]]:
         """(residuals over the noise, slopes of the starts, (n_stretch,) whether the model stays in table and range over
@@ -190,11 +283,21 @@ class Shooting:
 
         A stretch whose step does not lead down goes back and takes half of it.
         """
-        return self._refined_together([_Refinement(cut, self.sigmas)], steps)[0]
+        return self._refined_together([self._refinement(cut)], steps)[0]
 
     def _tried(self, cut: Stretches) -> Stretches:
         """The same of stretches that the model may not bear: those over which errors grow too much are left alone."""
-        return self._refined_together([_Refinement(cut, self.sigmas, self._growth)], REFINED)[0]
+        return self._refined_together([self._refinement(cut, self._growth)], REFINED)[0]
+
+    def _refinement(self, cut: Stretches, growth_of: Callable[[Stretches], Array] | None = None) -> _Refinement:
+        return _Refinement(cut, self.sigmas, by_themselves=not self.follows_from_before, growth_of=growth_of)
+
+    @cached_property
+    def follows_from_before(self) -> bool:
+        """Whether a stretch follows from what those before have done to the model."""
+        whole = guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size)
+        points = self._points(self.spread.z[None])
+        return follows_from_before(self.problem, points, self.run, substeps=self.substeps, own=whole)
 
     def _refined_together(self, every: Sequence[_Refinement], steps: int, *, rivals: bool = False) -> list[Stretches]:
         """The stretches of each, refined, all of them cut alike: lanes that one of them leaves idle serve another. Of
@@ -208,6 +311,9 @@ class Shooting:
                 one.take(base, None)
             for one, (base, slopes) in zip(far, self._simulated([one.cut for one in far]), strict=True):
                 one.take(base, slopes)
+            mixed = [one for one in going if one.mixed]
+            for one, base in zip(mixed, self._bases([one.best for one in mixed]), strict=True):
+                one.mix(base)
             if rivals and n >= REFINED // 2:
                 least = np.min([one.least for one in every], axis=0)
                 for one in going:
@@ -219,18 +325,14 @@ class Shooting:
 
     def followed(self, cut: Stretches) -> dict[str, Array]:
         """Channel to (n_sample,) measured less simulated, SI units, from starts that suit the model: the better ones
-        of those reached from the stretches' own and from what was measured; nan where none is borne."""
+        of those reached from the stretches' own and from what was measured, or, where stretches follow from those
+        before, those reached from shorter ones; nan where none is borne."""
+        if self.follows_from_before:
+            return self.missed(self._from_shorter(cut))
         anew = guessed(self.plant, self.data, cut.begins, self.sigmas.size)
-        every = [_Refinement(each, self.sigmas) for each in (cut, anew)]
-        tried = [self.missed(each) for each in self._refined_together(every, LONG, rivals=True)]
-        lengths = np.diff([*cut.begins, len(self.data.commands)])
-        costs = [self._cost(left, cut) for left in tried]
-        second = np.repeat(costs[1] < costs[0], lengths)
-        return {name: np.where(second, tried[1][name], tried[0][name]) for name in tried[0]}
-
-    def _cost(self, left: Mapping[str, Array], cut: Stretches) -> Array:
-        over = [np.nan_to_num(left[n] / self.data.noise[n].sigma, nan=LOST) ** 2 for n in self.names]
-        return np.asarray(np.add.reduceat(sum(over), cut.begins))
+        every = [self._refinement(each) for each in (cut, anew)]
+        self._refined_together(every, LONG, rivals=True)
+        return self.missed(every[0].or_better(every[1]))
 
     def _bases(self, cuts: Sequence[Stretches]) -> list[list[Array]]:
         """Residuals over the noise of each, cut alike."""
@@ -258,14 +360,19 @@ class Shooting:
 
     def _residuals(self, rows: Array, own: Stretches) -> list[Array]:
         """Residuals of the channels over the noise, (n_row, n_sample) each."""
-        points = Points.of(self.spread.unknowns, rows)
-        if self.plant.effects is not None and points.effects is None:  # those of an extended model
-            points = replace(points, effects=np.tile(self.plant.readings, (len(rows), 1)))
+        points = self._points(rows)
         columns = max(self.plant.parameters.sides, 1)
         inputs = Inputs(self.data.commands[:, :columns], self.data.rate, hold=self.data.hold)
         found = lanes(self.problem, points, self.run, inputs=inputs, substeps=self.substeps, own=own)
         channels = missed(self.problem, points, self.run, found)
         return [v / self.data.noise[name].sigma for name, v in zip(self.names, channels, strict=True)]
+
+    def _points(self, rows: Array) -> Points:
+        """Models (n_row, unknowns.size), with the effects of one that is extended."""
+        points = Points.of(self.spread.unknowns, rows)
+        if self.plant.effects is not None and points.effects is None:
+            points = replace(points, effects=np.tile(self.plant.readings, (len(rows), 1)))
+        return points
 
     def missed(self, cut: Stretches) -> dict[str, Array]:
         """Channel to (n_sample,) measured less simulated, SI units; nan where a stretch left table or range."""

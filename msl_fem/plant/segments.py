@@ -66,13 +66,18 @@ class Settling:
     of_motion: float
 
 
+def lasts(e: Array | None) -> bool:
+    """Whether something of a state with effects of these coefficients (N_COEFFICIENT,) does not settle."""
+    return e is not None and bool(np.any(e[_LASTING] != 0.0))
+
+
 def settling_of(p: PlantParameters, e: Array | None, *, crossed: float, step: float, n_step: int) -> Settling:
     """That of a plant by the coefficients (N_COEFFICIENT,) of its effects for n_step steps of `step` seconds a sample.
     A slew limit may have to follow commands over all that is `crossed` by them and by what holds a start's currents."""
     sample, bandwidth, sensor, late = n_step * step, p.bandwidth, p.sensor_bandwidth, 0.0
     lag = slew = 0.0
     if e is not None:
-        if np.any(e[_LASTING] != 0.0):
+        if lasts(e):
             return Settling(np.inf, np.inf)
         bandwidth = e[electrical.BANDWIDTH]
         sensor = min(e[sensing.SENSOR_BANDWIDTH], e[sensing.COIL_READING_RATE])

@@ -11,14 +11,14 @@ from conftest import ROOT
 from numpy.typing import NDArray
 
 from msl_fem.actuator import load_actuator
-from msl_fem.diagnosis import first_part, search
+from msl_fem.diagnosis import first_part, refits, search
 from msl_fem.diagnosis.effect_search import without_effects
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.kind import about_belief
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import NEAR, Refinement, Refit
+from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, Refinement, Refit
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.variants import Variant
@@ -48,14 +48,14 @@ def base(kind) -> Fit:
 @pytest.fixture
 def long(monkeypatch) -> None:
     """The record counts as one."""
-    monkeypatch.setattr(first_part, "SAMPLES", PART)
+    monkeypatch.setattr("msl_fem.diagnosis.likelihood.SAMPLES", PART)
     monkeypatch.setattr(first_part, "PLENTY", 10.0)
 
 
-def test_the_numbers_of_the_first_stretches_are_those_of_the_whole(kind) -> None:
+def test_the_numbers_of_the_first_stretches_are_those_of_the_whole(kind, long) -> None:
     """Whatever comes behind; bit by bit, of moved starts as well."""
     whole, unknowns = kind.likelihood, kind.unknowns
-    part, numbers = whole.first(PART)
+    part, numbers = whole.first_part()
     [run], [cut] = part.problem.runs, part.problem.stretches
     assert 0.7 * PART <= len(run.commands) <= 1.3 * PART
     assert cut is not None
@@ -119,7 +119,7 @@ def test_a_fit_that_has_not_gone_anywhere(kind, base) -> None:
 def test_a_short_record_or_one_that_tells_little_is_looked_at_as_a_whole(base, long, monkeypatch, short: str) -> None:
     assert first_part._over_first_part(base) is not None
     if short == "samples":
-        monkeypatch.setattr(first_part, "SAMPLES", 3000)
+        monkeypatch.setattr("msl_fem.diagnosis.likelihood.SAMPLES", 3000)
     if short == "nats":
         monkeypatch.setattr(first_part, "PLENTY", 1e5)
     if short == "noise":
@@ -160,7 +160,7 @@ def test_a_cause_is_the_same_by_either_way(kind, base, long, monkeypatch) -> Non
     assert small < large == base.residual.size
     assert sizes.count(small) > sizes.count(large) > 0, "all over the part, those that lead over all of it"
     sizes.clear()
-    monkeypatch.setattr(first_part, "SAMPLES", 10**6)
+    monkeypatch.setattr("msl_fem.diagnosis.likelihood.SAMPLES", 10**6)
     as_a_whole = search.search_stage(base, tried, tell=str)
     assert set(sizes) == {large}
     best, other = by_part.best, as_a_whole.best
@@ -244,3 +244,28 @@ def test_a_candidate_begins_where_it_came_to_over_the_part_if_that_is_better(bas
     costs = iter([np.inf, base.objective + 1.0])
     assert refinement._known_of_part(variant) == (base, None)
     assert refinement._known_of_part(Variant("fringing", ())) == (base, None)
+
+
+def test_what_begins_once_more_as_believed_is_led_over_the_part_before_the_whole(kind, base, long, monkeypatch) -> None:
+    """And comes to the same end as over the whole alone, in fewer simulations of all of it."""
+    [variant] = [one for one in about_belief(kind, base) if one.name.startswith("coulomb_friction (force; transition")]
+    refinement, plan = Refinement(base, str, FitMemory()), FitPlan(LAST_STEPS, enough=0.5)
+    leader = refinement.screened(search.scored(base, [variant]).scores[0])
+    assert leader is not None
+    fits: list[Fit] = []
+    plain = refits.fit
+
+    def noted(*numbers: Any, **told: Any) -> Fit:
+        fits.append(plain(*numbers, **told))
+        return fits[-1]
+
+    monkeypatch.setattr(refits, "fit", noted)
+    by_part = refinement._as_believed(leader, variant, plan)
+    part, whole = fits
+    assert part.residual.size < 0.5 * whole.residual.size == 0.5 * base.residual.size
+    monkeypatch.setattr("msl_fem.diagnosis.likelihood.SAMPLES", 10**6)
+    at_once = refinement._as_believed(leader, variant, plan)
+    assert at_once is not None
+    assert by_part is not None
+    assert by_part.fit.objective == pytest.approx(at_once.fit.objective, abs=1.0)
+    assert whole.simulations < fits[2].simulations

@@ -210,7 +210,7 @@ def test_what_has_lost_its_way_over_a_stretch_stays_there(kind) -> None:
     """Of two beginnings one is far behind over two stretches: the other goes on over all of them."""
     problem = kind.likelihood.problem
     cut, n_channel = problem.stretches[0], len(problem.channels(0))
-    here, there = (_Refinement(cut, np.ones(cut.slopes.shape[1])) for _ in range(2))
+    here, there = (_Refinement(cut, np.ones(cut.slopes.shape[1]), by_themselves=True) for _ in range(2))
     left = np.ones(cut.slopes.shape[-1])
     here.take([left] * n_channel, cut.slopes)
     there.take([np.where(np.arange(left.size) < cut.begins[2], 3.0, left)] * n_channel, cut.slopes)

@@ -15,7 +15,7 @@ from msl_fem.diagnosis import shooting as shooting_module
 from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, _lane_settings, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
-from msl_fem.diagnosis.shooting import HOPELESS, MOST_GROWTH, ModelSpread, Shooting, _Refinement, guessed
+from msl_fem.diagnosis.shooting import HOPELESS, MOST_GROWTH, ModelSpread, Shooting, guessed
 from msl_fem.diagnosis.static_maps import MAP_BESIDE
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -126,7 +126,7 @@ def test_lanes_over_stretches_are_single_runs_over_stretches(short, table) -> No
 def test_starts_refined_beside_others_are_those_refined_alone(short, table) -> None:
     shot, cut = shooting(short, table, np.arange(0, 960, 32))
     aside = replace(cut, starts=cut.starts + np.array([0.0, 0.0, 2e-4, 0.0]))
-    together = shot._refined_together([_Refinement(each, shot.sigmas) for each in (cut, aside)], 3)
+    together = shot._refined_together([shot._refinement(each) for each in (cut, aside)], 3)
     for one, beside in zip((cut, aside), together, strict=True):
         alone = shot.refined(one, 3)
         assert np.array_equal(beside.starts, alone.starts)
