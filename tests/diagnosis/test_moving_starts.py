@@ -16,7 +16,8 @@ from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood, columns_and_start_slopes
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
-from msl_fem.diagnosis.shooting import REFINED, ModelSpread, Shooting, _Refinement
+from msl_fem.diagnosis.shooting import REFINED, ModelSpread, Shooting
+from msl_fem.diagnosis.start_refinement import StartRefinement
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 
@@ -210,7 +211,7 @@ def test_what_has_lost_its_way_over_a_stretch_stays_there(kind) -> None:
     """Of two beginnings one is far behind over two stretches: the other goes on over all of them."""
     problem = kind.likelihood.problem
     cut, n_channel = problem.stretches[0], len(problem.channels(0))
-    here, there = (_Refinement(cut, np.ones(cut.slopes.shape[1]), by_themselves=True) for _ in range(2))
+    here, there = (StartRefinement(cut, np.ones(cut.slopes.shape[1]), by_themselves=True) for _ in range(2))
     left = np.ones(cut.slopes.shape[-1])
     here.take([left] * n_channel, cut.slopes)
     there.take([np.where(np.arange(left.size) < cut.begins[2], 3.0, left)] * n_channel, cut.slopes)
@@ -226,9 +227,9 @@ def test_one_of_two_beginnings_is_given_up_where_the_better_one_is_wanted(kind, 
     asked: list[int] = []
     shot = Shooting(kind.likelihood.problem, 0, ModelSpread.of_tolerances(kind.unknowns), substeps=4)
     cut, steps = kind.likelihood.problem.stretches[0], []
-    plain = _Refinement.take
-    monkeypatch.setattr(_Refinement, "take", lambda self, *one: steps.append(id(self)) or plain(self, *one))
-    monkeypatch.setattr(_Refinement, "give_up", lambda self, least: asked.append(len(steps)))
+    plain = StartRefinement.take
+    monkeypatch.setattr(StartRefinement, "take", lambda self, *one: steps.append(id(self)) or plain(self, *one))
+    monkeypatch.setattr(StartRefinement, "give_up", lambda self, least: asked.append(len(steps)))
     shot.refined(cut)
     assert not asked
     steps.clear()

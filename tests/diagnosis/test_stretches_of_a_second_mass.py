@@ -10,6 +10,7 @@ from conftest import ROOT
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.shooting import LONG, ModelSpread, Shooting, guessed
+from msl_fem.diagnosis.start_refinement import StartRefinement
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.plant.effects import EffectValues
@@ -93,3 +94,18 @@ def test_stretches_of_a_model_whose_sensor_has_a_gain_begin_where_it_reads_them(
     shot = shooting(GAIN)
     first = shot.data.measured["position_m"] - shot.missed(stretches(shot))["position_m"]
     assert np.allclose(first[::192], stretches(shot).starts[:, 2], atol=1e-9)
+
+
+@pytest.mark.parametrize(("outside", "kept"), [(False, 0), (True, 2)])
+def test_of_starts_tried_together_those_are_kept_that_leave_least_where_it_counts(outside: bool, kept: int) -> None:
+    """Those before, the new ones, or of each the better ones; the first stretch may not count."""
+    begins, lengths = np.array([0, 20, 50]), [20, 30, 40]
+    cut = Stretches(begins, np.zeros((3, 4)), np.zeros((1, 2, 90)), np.array([outside, False, False]))
+    one = StartRefinement(cut, np.ones(2), by_themselves=False)
+    one.take([np.repeat([1.0, 3.0, 3.0], lengths)], cut.slopes)
+    one.cut = replace(cut, starts=np.ones((3, 4)))
+    one.take([np.repeat([9.0, 2.0, 4.0], lengths)], cut.slopes)
+    assert one.mixed
+    assert one.best.starts[:, 2].tolist() == [0.0, 1.0, 0.0], "of each the better ones"
+    one.mix([np.repeat([8.0, 2.0, 3.0], lengths)])
+    assert one.best.starts[:, 2].tolist() == ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0])[kept]
