@@ -37,6 +37,7 @@ REFINED = 6  # Gauss-Newton steps of the starts, at most
 LONG = 15  # of them, where a model is judged that is not fitted
 SHORT = 2  # of them, next to starts to which a fit has come
 MARGIN = 0.5  # of a start's position, in units of its prior, within which a stretch has to stay inside
+TINY = 1e-300  # rate of a growth that is none
 LOOKED_AT = 9  # samples of the parabola that gives the first guess of a start
 
 
@@ -72,10 +73,10 @@ class Shooting:
         """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
         table or range, or `with_moves` one that is off by a sigma. `known` ones of a model near by are where it begins
         if the model bears them."""
-        whole = guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size)
-        if self._borne(self._tried(whole))[0]:
+        whole = self._tried(guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size))
+        if self._borne(whole)[0]:
             return None
-        cut = self._begun(known)
+        cut = self._begun(known, self._gentle(whole))
         open_ = np.ones(cut.begins.size, dtype=bool)
         while (pairs := _pairs(open_)).size:
             behind = pairs + 1
@@ -87,15 +88,26 @@ class Shooting:
         rows = self.spread.rows if with_moves else self.spread.rows[:0]
         return replace(cut, outside=~self._inside(cut, rows))
 
-    def _begun(self, known: Stretches | None) -> Stretches:
-        """Known stretches, all of which the model bears; else the shortest."""
-        n = len(self.data.commands)
+    def _begun(self, known: Stretches | None, gentle: int) -> Stretches:
+        """Known stretches, all of which the model bears; else those over which errors hardly grow, if it bears them;
+        else the shortest."""
         if known is not None:
             cut = self.refined(known)
             if np.all(self._borne(cut) | (False if known.outside is None else known.outside)):
                 return replace(cut, outside=None)
-        begins = np.arange(0, max(n - SHORTEST // 2, 1), SHORTEST)
-        return self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
+        for length in dict.fromkeys((gentle, SHORTEST)):
+            begins = np.arange(0, max(len(self.data.commands) - SHORTEST // 2, 1), length)
+            cut = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
+            if length == SHORTEST or np.all(self._borne(cut)):
+                break
+        return cut
+
+    def _gentle(self, whole: Stretches) -> int:
+        """Samples of the longest stretches, of twice the shortest's any times, over which an error grows gently at the
+        rate at which it grows over a whole run."""
+        [rate] = self._rates(whole)
+        most = min(np.log(GENTLE) / max(rate, TINY), len(self.data.commands))
+        return SHORTEST * 2 ** max(int(np.log2(most / SHORTEST)), 0)
 
     def split(self, cut: Stretches) -> Stretches:
         """Stretches cut in `PARTS` each."""
@@ -281,7 +293,12 @@ class Shooting:
     def _growth(self, cut: Stretches) -> Array:
         """(n_stretch,) by which the position's answer to a start's position grows over each, RMS of the last quarter
         over that of the first; where the model leaves its table or range on the way, as if it grew on alike."""
-        found = np.ones(cut.begins.size)
+        lengths = np.diff([*cut.begins, len(self.data.commands)])
+        return np.asarray(np.exp(np.minimum(self._rates(cut) * lengths, MOST_LOG)))
+
+    def _rates(self, cut: Stretches) -> Array:
+        """(n_stretch,) of its growth a sample."""
+        found = np.zeros(cut.begins.size)
         if self.data.mover == "locked":
             return found
         answer = cut.slopes[self.names.index(POSITION_COLUMN), 0]
@@ -291,8 +308,7 @@ class Shooting:
             if not np.any(own[:quarter]):
                 found[n] = np.inf
                 continue
-            rate = np.log(np.mean(own[-quarter:] ** 2) / np.mean(own[:quarter] ** 2)) / (2 * own.size)
-            found[n] = np.exp(min(rate * (part.stop - part.start), MOST_LOG))
+            found[n] = np.log(np.mean(own[-quarter:] ** 2) / np.mean(own[:quarter] ** 2)) / (2 * own.size)
         return found
 
     def _near(self, over: list[Array]) -> NDArray[np.bool_]:

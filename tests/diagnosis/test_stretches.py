@@ -15,7 +15,7 @@ from msl_fem.diagnosis import shooting as shooting_module
 from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, _lane_settings, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
-from msl_fem.diagnosis.shooting import HOPELESS, MOST_GROWTH, ModelSpread, Shooting, guessed
+from msl_fem.diagnosis.shooting import HOPELESS, MOST_GROWTH, SHORTEST, ModelSpread, Shooting, guessed
 from msl_fem.diagnosis.static_maps import MAP_BESIDE
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -152,6 +152,32 @@ def test_where_errors_grow_too_much_no_start_is_looked_for(short, table, monkeyp
     shot, cut = shooting(short, table, np.arange(0, 960, 32))
     assert shot._growth(shot._tried(cut)).max() < MOST_GROWTH
     assert np.array_equal(shot._tried(cut).starts, shot.refined(cut).starts)
+
+
+def test_stretches_are_those_reached_from_the_shortest(short, table, monkeypatch) -> None:
+    """Begun with those over which errors hardly grow, some of whose joins need not be tried; with the shortest where
+    the model does not bear these."""
+    shot, whole = shooting(short, table, [0])
+    gentle = shot._gentle(shot._tried(whole))
+    assert gentle >= 4 * SHORTEST
+    tried: list[int] = []
+    plain = Shooting._tried
+
+    def noted(self: Shooting, cut: Stretches) -> Stretches:
+        tried.append(cut.begins.size)
+        return plain(self, cut)
+
+    monkeypatch.setattr(Shooting, "_tried", noted)
+    found = shot.chosen()
+    count = len(tried)
+    monkeypatch.setattr(Shooting, "_gentle", lambda self, whole: 4 * len(self.data.commands))
+    anew = shot.chosen()
+    assert len(tried) >= 2 * count + 2
+    assert found is not None
+    assert anew is not None
+    last = found.begins.size - 1  # an odd one at the end is joined no further
+    assert np.array_equal(found.begins, anew.begins[: last + 1])
+    assert np.abs(found.starts[:last] - anew.starts[:last]).max(axis=0) == pytest.approx([0.0] * 4, abs=1e-5)
 
 
 def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table) -> None:
