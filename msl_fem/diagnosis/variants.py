@@ -17,7 +17,7 @@ from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
 from msl_fem.plant.own_scales import over_reference, own_quantities
-from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, drive_lags
+from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, drive_lags, own_stiffness
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
@@ -154,12 +154,11 @@ def features_of_runs(problem: FitProblem) -> RecordFeatures:
     """The features of runs without the lines of a residual."""
     p = problem.plant.parameters
     currents = [run.measured.get("current_1_A", run.commands[:, 0]) for run in problem.runs]
-    own = np.sqrt(p.stiffness / p.mass) / (2 * np.pi) if p.stiffness else 0.0
     return RecordFeatures(
         position=max(_rms([run.measured[POSITION_COLUMN] for run in problem.runs]), LEAST),
         current=_rms(currents) if p.sides else 1.0,
         velocity=max(_rms([_velocity(run) for run in problem.runs]), LEAST),
-        own_frequency=float(own) or 20.0,
+        own_frequency=float(np.sqrt(own_stiffness(p) / p.mass) / (2 * np.pi)),
         rate=problem.runs[0].rate if problem.runs else None,
         command=_command(problem.runs),
         peak=max(float(np.abs(i).max()) for i in currents) if p.sides else 1.0,

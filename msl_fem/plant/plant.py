@@ -14,6 +14,8 @@ from msl_fem.table.magnetic_table import MagneticTable
 from msl_fem.table.pair_surface import PairSurface
 
 CURRENT_DRIVE, VOLTAGE_DRIVE, FORCE_DRIVE = 0, 1, 2
+WITHOUT_SPRING = 20.0
+"""Hz, at which a mover without a spring is thought to swing where something is told over a spring."""
 _DRIVE_CODE = {"current": CURRENT_DRIVE, "voltage": VOLTAGE_DRIVE, "force": FORCE_DRIVE}
 
 
@@ -153,6 +155,11 @@ def _angular(frequency: float | None) -> float:
 
 def _travel(motion: Motion) -> float:
     return float(motion.end_stop or motion.range or motion.nominal_gap or math.inf)
+
+
+def own_stiffness(plant: PlantParameters) -> float:
+    """N/m: the spring's, or where there is none that of one on which the mover would swing at `WITHOUT_SPRING`."""
+    return plant.stiffness or plant.mass * (2 * math.pi * WITHOUT_SPRING) ** 2
 
 
 def drive_lags(plant: PlantParameters) -> bool:

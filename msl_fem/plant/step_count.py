@@ -15,7 +15,7 @@ from msl_fem.files.quantity import format_quantity
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.effects.expressions import DECLARED, steepest
 from msl_fem.plant.effects.mechanisms import N_STOP
-from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters
+from msl_fem.plant.plant import CURRENT_DRIVE, VOLTAGE_DRIVE, PlantParameters, own_stiffness
 from msl_fem.plant.poles import FAST
 from msl_fem.table.magnetic_table import MagneticTable
 
@@ -88,7 +88,7 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
     stiffness = plant.stiffness
     if "flexure_relaxation" in present:
         rates["flexure_relaxation"] = 1.0 / effects.get("flexure_relaxation", "time_constant")
-        stiffness *= 1.0 + effects.get("flexure_relaxation", "strength")
+        stiffness += effects.get("flexure_relaxation", "strength") * own_stiffness(plant)
     if "coulomb_friction" in present:
         friction, of_stops = _friction_rate(plant, effects)
         stiffness += of_stops

@@ -64,6 +64,22 @@ def test_a_flexure_creeps_and_recovers() -> None:
     assert run.audit.internal > 0
 
 
+def test_what_relaxes_beside_a_mover_without_a_spring_is_told_over_one_of_twenty_hertz() -> None:
+    """As cables and hoses do: the standard linear solid alone, by its matrix exponential."""
+    r, tau, bench = 0.3, 0.05, changed(rig(damping="80 N s/m"), motion={"stiffness": 0.0})
+    m, c = plant_parameters(bench).mass, 80.0
+    relaxing = r * m * (2 * np.pi * 20.0) ** 2
+    a = np.array([[0, 1, 0], [-relaxing / m, -c / m, relaxing / m], [1 / tau, 0, -1 / tau]])
+    forces = np.where(np.arange(400) < 100, 6.0, -2.0)
+    exact = held_steps(a, np.array([0, 1 / m, 0]), forces, 1e-3)
+    values = effects("flexure_relaxation", strength=r, time_constant=tau)
+    run = simulate(bench, None, Inputs(forces[:, None], 1e3), effects=values, options=FINE)
+    free = simulate(bench, None, Inputs(forces[:, None], 1e3), options=FINE)
+    n = min(len(run.position), len(free.position), 150)
+    assert run.position[:n] == pytest.approx(exact[:n, 0], abs=1e-9 * 3e-3)
+    assert free.position[60] > 1.2 * run.position[60] > 0
+
+
 def test_a_cubic_spring_holds_its_force() -> None:
     bench = rig(damping="60 N s/m")
     values = effects("stiffness_nonlinearity", cubic=4e8, quadratic=2e5)

@@ -20,7 +20,7 @@ from msl_fem.plant.effects.entry import (
     Values,
 )
 from msl_fem.plant.effects.mechanisms import N_STOP, SUM_OF_WIDTHS
-from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.plant import PlantParameters, own_stiffness
 
 LAYOUT = RowLayout(after=electrical.LAYOUT)
 QUADRATIC, CUBIC = LAYOUT.rows(2)  # of the spring, N/m^2, N/m^3
@@ -116,7 +116,7 @@ def _second_mass_force(v: Values, plant: PlantParameters, motion: MoverMotion) -
 
 def _relaxation(e: Array, v: Values, setting: KernelSetting) -> None:
     strength = v["flexure_relaxation", "strength"]
-    e[CREEP_STIFFNESS] = strength * setting.plant.stiffness
+    e[CREEP_STIFFNESS] = strength * own_stiffness(setting.plant)
     e[CREEP_RATE] = 1.0 / v["flexure_relaxation", "time_constant"] if strength else 0.0
 
 
@@ -320,7 +320,14 @@ MECHANICAL = (
         equation="force -strength k (x - y), time_constant y' = x - y: the standard linear solid",
         source="Zener, Elasticity and Anelasticity of Metals, 1948, ch. 5",
         parameters=(
-            Parameter("strength", "", 0.0, (0.0, 5.0), 0.01, "stiffness that relaxes, over that which stays"),
+            Parameter(
+                "strength",
+                "",
+                0.0,
+                (0.0, 5.0),
+                0.01,
+                "stiffness that relaxes, over that which stays; without a spring over one of 20 Hz with the mover",
+            ),
             Parameter(
                 "time_constant",
                 "s",
@@ -337,7 +344,7 @@ MECHANICAL = (
         design=Part(declined="it is slower than the loop, whose integrator takes it"),
         inverse=Part(declined="a share of the spring relaxes, and a carriage has none"),
         static=NOT_AT_REST,
-        advice="look for adhesive, plastics and loose clamps in the suspension",
+        advice="look for adhesive, plastics and loose clamps in the suspension, for cables and hoses",
     ),
     Effect(
         name="force_offset",
