@@ -149,6 +149,16 @@ def transformed(values: Array, n_line: int) -> Array:
     return parts
 
 
+def in_time(parts: Array, n: int) -> Array:
+    """(n,) values whose first lines are these (`transformed`), and whose others are nothing."""
+    real, imaginary = np.split(parts, 2)
+    lines = (real + 1j * imaginary) * np.sqrt(n / 2.0)
+    lines[0] *= np.sqrt(2.0)
+    if lines.size == n // 2 + 1 and n % 2 == 0:
+        lines[-1] *= np.sqrt(2.0)
+    return np.asarray(np.fft.irfft(lines, n))
+
+
 def highest_line(run: RunData, readings: Mapping[str, Array]) -> float:
     """The highest frequency in Hz at which the model's readings stand out of the noise."""
     found = 0.0

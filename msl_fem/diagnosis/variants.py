@@ -13,6 +13,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
+from msl_fem.diagnosis.noise import in_time, transformed
 from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
@@ -25,7 +26,7 @@ MOST_LINES = 3  # of a residual's spectrum that are tried as frequencies of a di
 MAINS = (50.0, 60.0)
 LOUD = 12.0  # times the mean power of the lines around: what noise does once in e^12 lines
 APART = 4  # lines between two that are taken
-FEWEST_LINES = 62  # of a stretch: two widths of the mean around
+FEWEST_LINES = 62  # of a run: two widths of the mean around
 LEAST = 1e-9  # m or m/s, of a mover that stands still
 SLOWEST = 3  # periods of a run below which a line is a drift
 SMOOTH_SECONDS = 0.5e-3  # over which a velocity is taken, at least three samples
@@ -180,26 +181,36 @@ def _velocity(run: RunData) -> Array:
 
 
 def loud_lines(likelihood: Likelihood, found: Fit) -> tuple[float, ...]:
-    """Frequencies in Hz at which single lines of the weighted residual stand out, the loudest first."""
-    weighted = found.residual * found.weights.root
-    at, candidates = 0, []
-    for piece, (run, part) in enumerate(likelihood.problem.pieces):
-        n = likelihood.bands.lines[piece]
-        spacing = likelihood.problem.runs[run].rate / (part.stop - part.start)
-        for _ in likelihood.problem.channels(run):
-            power = weighted[at : at + n] ** 2 + weighted[at + n : at + 2 * n] ** 2
-            at += 2 * n
-            if n < FEWEST_LINES:
-                continue
-            around = np.convolve(power, np.ones(31) / 31, "same")
-            loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
-            loud = loud[loud >= SLOWEST]
-            candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud]
+    """Frequencies in Hz at which single lines of the weighted residual of a run stand out, the loudest first; what is
+    left over stretches is joined, since a line is one of the whole run."""
+    candidates = []
+    for rate, signal in _joined(likelihood, found.residual * found.weights.root):
+        n = signal.size // 2 + 1
+        if n < FEWEST_LINES:
+            continue
+        lines, spacing = transformed(signal, n), rate / signal.size
+        power = lines[:n] ** 2 + lines[n:] ** 2
+        around = np.convolve(power, np.ones(31) / 31, "same")
+        loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
+        loud = loud[loud >= SLOWEST]
+        candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud]
     frequencies: list[float] = []
     for _, frequency, spacing in sorted(candidates, reverse=True):
         if all(abs(frequency - other) > APART * spacing for other in frequencies):
             frequencies.append(frequency)
     return tuple(frequencies[:MOST_LINES])
+
+
+def _joined(likelihood: Likelihood, weighted: Array) -> list[tuple[float, Array]]:
+    """(samples a second, (n_sample,) what is left in time) of each channel of each run, nothing where none counts."""
+    problem, at = likelihood.problem, 0
+    found: dict[tuple[int, str], Array] = {}
+    for lines, (run, part) in zip(likelihood.bands.lines, problem.pieces, strict=True):
+        for name in problem.channels(run):
+            signal = found.setdefault((run, name), np.zeros(len(problem.runs[run].commands)))
+            signal[part] = in_time(weighted[at : at + 2 * lines], part.stop - part.start)
+            at += 2 * lines
+    return [(problem.runs[run].rate, signal) for (run, _), signal in found.items()]
 
 
 def _peak(power: Array, k: int) -> float:
