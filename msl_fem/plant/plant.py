@@ -159,7 +159,8 @@ def _travel(motion: Motion) -> float:
 
 def own_stiffness(plant: PlantParameters) -> float:
     """N/m: the spring's, or where there is none that of one on which the mover would swing at `WITHOUT_SPRING`."""
-    return plant.stiffness or plant.mass * (2 * math.pi * WITHOUT_SPRING) ** 2
+    rate = 2 * math.pi * WITHOUT_SPRING
+    return plant.stiffness if plant.stiffness > 0.0 else plant.mass * rate * rate
 
 
 def drive_lags(plant: PlantParameters) -> bool:
