@@ -106,8 +106,9 @@ class Shooting:
         """Samples of the longest stretches, of twice the shortest's any times, over which an error grows gently at the
         rate at which it grows over a whole run."""
         [rate] = self._rates(whole)
-        most = min(np.log(GENTLE) / max(rate, TINY), len(self.data.commands))
-        return SHORTEST * 2 ** max(int(np.log2(most / SHORTEST)), 0)
+        longest = max(len(self.data.commands), SHORTEST)
+        most = np.clip(np.log(GENTLE) / max(rate, TINY), SHORTEST, longest)
+        return SHORTEST * 2 ** int(np.log2(most / SHORTEST))
 
     def split(self, cut: Stretches) -> Stretches:
         """Stretches cut in `PARTS` each."""

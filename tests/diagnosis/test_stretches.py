@@ -160,6 +160,8 @@ def test_stretches_are_those_reached_from_the_shortest(short, table, monkeypatch
     shot, whole = shooting(short, table, [0])
     gentle = shot._gentle(shot._tried(whole))
     assert gentle >= 4 * SHORTEST
+    lost = replace(whole, slopes=np.zeros_like(whole.slopes))
+    assert shot._gentle(lost) == SHORTEST, "where the model leaves its table at once"
     tried: list[int] = []
     plain = Shooting._tried
 
