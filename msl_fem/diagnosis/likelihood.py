@@ -307,7 +307,7 @@ class Likelihood:
         return cut.without_starts(over, moves), moves.reshape(len(moves), -1)
 
     def first_part(self) -> tuple["Likelihood", NDArray[np.bool_]]:
-        """That of the first stretches alone, `SAMPLES` of them at least (`FitProblem.first`), and which of the numbers,
+        """That of the first stretches alone, of about `SAMPLES` (`FitProblem.first`), and which of the numbers,
         (n_number,), are its."""
         problem = self.problem.first(SAMPLES)
         kept = [part.stop <= len(problem.runs[run].commands) for run, part in self.problem.pieces]

@@ -15,9 +15,10 @@ from msl_fem.errors import InputError
 from msl_fem.plant import Surface
 from msl_fem.plant.effects import PARAMETER_INDEX, neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_block import FEW, LaneSettings
-from msl_fem.plant.lane_run import LaneRun, goes_on, run_lanes, told_apart
+from msl_fem.plant.lane_block import FEW, Lanes, LaneSettings
+from msl_fem.plant.lane_run import LaneRun, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.segments import lasts
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
 from msl_fem.prediction.hypothesis import plant_in_run, times_factors, with_factors
@@ -254,7 +255,8 @@ def follows_from_before(problem: FitProblem, points: Points, run: int, *, subste
     neither better nor worse by themselves."""
     surface, plants, settings = _lane_settings(problem, points, run, own)
     steps = problem.steps(substeps, fine=bool(points.wants_fine.any()))
-    return goes_on(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
+    one = Lanes(surface, plants, Inputs(np.zeros((1, 2)), problem.runs[run].rate), steps, settings)
+    return any(lasts(effects) for _, effects in one.begun)
 
 
 def _lane_settings(

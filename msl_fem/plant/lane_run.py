@@ -35,7 +35,7 @@ from msl_fem.plant.layout import (
     OUT_X,
 )
 from msl_fem.plant.plant import PlantParameters, Surface
-from msl_fem.plant.segments import lasts, run_segments, segments_for
+from msl_fem.plant.segments import run_segments, segments_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,19 +239,6 @@ def told_apart(
 ) -> NDArray[np.intp]:
     """(n_lane,) the number of the run that `run_lanes` makes for each lane; one serves all that it sees as alike."""
     return _different(Lanes(surface, plants, Inputs(np.zeros((1, 2)), rate), substeps, settings))[1]
-
-
-def goes_on(
-    surface: Surface,
-    plants: Sequence[PlantParameters],
-    *,
-    rate: float,
-    substeps: int,
-    settings: LaneSettings,
-) -> bool:
-    """Whether any of these lanes goes on over a start from what it was before it, for longer than lags take."""
-    lanes = Lanes(surface, plants, Inputs(np.zeros((1, 2)), rate), substeps, settings)
-    return any(lasts(effects) for _, effects in lanes.begun)
 
 
 def _different(lanes: Lanes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
