@@ -126,7 +126,7 @@ int plant_start(const PlantParameters *p, PlantState *state, const double curren
 
 int plant_row(const PlantParameters *p, PlantState *state, double *row)
 {
-    return kernel_write_row(&cells, p, WITH_EFFECTS state->state, state->work, row, 0);
+    return kernel_write_row(&cells, p, WITH_EFFECTS state->state, state->work, row, 0, 1);
 }
 
 double plant_gap(const PlantParameters *p, const PlantState *state, int side)

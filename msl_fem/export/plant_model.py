@@ -4,7 +4,7 @@ from typing import Any
 
 from msl_fem.export.c_printer import Printer
 from msl_fem.export.c_text import c_rows
-from msl_fem.export.c_types import REAL, WHOLE, Pointer, RecordType, Values
+from msl_fem.export.c_types import FLAG, REAL, WHOLE, Pointer, RecordType, Values
 from msl_fem.plant import kernel, layout, preparation, sampled_plant, user_laws
 from msl_fem.plant.drive import set_timing
 from msl_fem.plant.effects import N_COEFFICIENT, PARAMETER_INDEX, KernelSetting, expressions, set_coefficients
@@ -93,7 +93,8 @@ def plant_source(plant: PlantParameters, *, effects: bool, pair: bool = False) -
     printer.add(set_timing, {"p": p, "e": e, "step": REAL, "work": ROWS})
     printer.add(kernel.advance_rows, common | {"state": ROWS, "work": ROWS, "command": ROWS, "disturbance": REAL,
                                                "step": REAL, "n_step": WHOLE})  # fmt: skip
-    printer.add(kernel.write_row, common | {"state": ROWS, "work": ROWS, "row": ROWS, "start": WHOLE})
+    rows = {"state": ROWS, "work": ROWS, "row": ROWS, "start": WHOLE, "whole": FLAG}
+    printer.add(kernel.write_row, common | rows)
     if plant.sides:
         printer.add(side_gap, {"p": p, "e": e, "work": ROWS, "j": WHOLE})
         printer.add(side_pull, common | {"work": ROWS} | at)

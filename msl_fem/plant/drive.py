@@ -223,16 +223,21 @@ def queue_command(e: Rows, state: Rows, work: Rows, linear: bool) -> None:
         if some(e[electrical.LOST_SHARE] > 0.0):
             _limit_command(e, work, j)
         queue = QUEUE_1 if j == 0 else QUEUE_2
-        for k in range(queue + N_QUEUE, queue, -1):
-            state[k] = state[k - 1]
-        state[queue] = work[COMMAND_1 + j]
-        for lane in range(width(state)):
-            acts = queue + int(lane_of(e, electrical.DELAY_SAMPLES, lane))
-            command, former = lane_of(state, acts, lane), lane_of(state, acts + 1, lane)
-            if linear and acts > queue:
-                set_lane(work, RISE_1 + j, lane, lane_of(state, acts - 1, lane) - command)
-            set_lane(work, COMMAND_1 + j, lane, command)
-            set_lane(work, FORMER_1 + j, lane, former)
+        if some(e[electrical.DELAY_SAMPLES] > 0.0):
+            for k in range(queue + N_QUEUE, queue, -1):
+                state[k] = state[k - 1]
+            state[queue] = work[COMMAND_1 + j]
+            for lane in range(width(state)):
+                acts = queue + int(lane_of(e, electrical.DELAY_SAMPLES, lane))
+                command, former = lane_of(state, acts, lane), lane_of(state, acts + 1, lane)
+                if linear and acts > queue:
+                    set_lane(work, RISE_1 + j, lane, lane_of(state, acts - 1, lane) - command)
+                set_lane(work, COMMAND_1 + j, lane, command)
+                set_lane(work, FORMER_1 + j, lane, former)
+        else:  # none waits: of a queue its first two are asked for
+            work[FORMER_1 + j] = state[queue]
+            state[queue + 1] = state[queue]
+            state[queue] = work[COMMAND_1 + j]
 
 
 @compiled

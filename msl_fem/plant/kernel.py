@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, every, first, keep, rows_of, size, width
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, every, first, keep, rows_of, size, some, width
 from msl_fem.plant.drive import (
     count,
     jump,
@@ -21,7 +21,7 @@ from msl_fem.plant.drive import (
     set_timing,
     take_command,
 )
-from msl_fem.plant.effects import electrical, magnetic, sensing
+from msl_fem.plant.effects import electrical, expressions, magnetic, mechanical, sensing, stray_flux
 from msl_fem.plant.effects.expressions import LAW_READING
 from msl_fem.plant.layout import (
     ADDED_READING,
@@ -115,7 +115,7 @@ def advance_rows(
     step: float, n_step: int,
 ) -> int:  # fmt: skip
     """`advance` on rows, with timing set for the step."""
-    return _hold(p.end_stop, cells, p, e, state, work, np.inf, command, 0, 0, disturbance, step, n_step, False)
+    return _hold(p.end_stop, cells, p, e, state, work, np.inf, command, 0, 0, disturbance, step, n_step, False, True)
 
 
 @compiled
@@ -183,7 +183,7 @@ def _run(
         begin_rows(parameters, e, rows, work, step)
         status, done = rows_between(
             stop, cells, parameters, e, rows, work, np.inf, asked, pushed, end, begin, end, step, n_sub,
-            rows_of(every[begin * N_OUT :]), linear,
+            rows_of(every[begin * N_OUT :]), linear, True,
         )  # fmt: skip
     keep(memory)
     keep(before)
@@ -207,15 +207,16 @@ def begin_rows(p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float
 def rows_between(
     stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
     commands: Rows, disturbance: Rows, n_sample: int, begin: int, end: int, step: float, n_sub: int, table: Rows,
-    linear: bool,
+    linear: bool, whole: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """(status, samples done) of the time loop of `run` from the sample `begin` to `end` of n_sample, for one run or for
     lanes, the first into the first N_OUT rows of `table`; beyond `reach` (m) a lane ends. Commands (2 n_sample rows,
-    those of a sample behind each other) and disturbance are those of all lanes, or of each."""
+    those of a sample behind each other) and disturbance are those of all lanes, or of each. Not `whole`, rows are
+    without flux linkages and slopes of currents."""
     status, done = OK, begin
     while done < end and status == OK:
         row = (done - begin) * N_OUT
-        inside = write_row(cells, p, e, state, work, table, row)
+        inside = write_row(cells, p, e, state, work, table, row, whole)
         if width(state) == 1 and not every(inside):
             status = OUTSIDE_TABLE
         else:
@@ -223,7 +224,9 @@ def rows_between(
                 table[row + OUT_AT_CURRENT_LIMIT_1 + n] = 0.0 - state[AT_CURRENT_LIMIT_1 + n]
             now, push = 2 * done, disturbance[done]
             ahead = now + 2 if linear and done + 1 < n_sample else now
-            status = _hold(stop, cells, p, e, state, work, reach, commands, now, ahead, push, step, n_sub, linear)
+            status = _hold(
+                stop, cells, p, e, state, work, reach, commands, now, ahead, push, step, n_sub, linear, whole
+            )
             for n in range(4):
                 limit = row + OUT_AT_CURRENT_LIMIT_1 + n
                 table[limit] = table[limit] + state[AT_CURRENT_LIMIT_1 + n]
@@ -238,7 +241,7 @@ def rows_between(
 @compiled
 def _hold(
     stop: EndStop | None, cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, reach: float,
-    commands: Rows, now: int, ahead: int, disturbance: Value, step: float, n_step: int, linear: bool,
+    commands: Rows, now: int, ahead: int, disturbance: Value, step: float, n_step: int, linear: bool, whole: bool,
 ) -> int:  # fmt: skip
     """A disturbance held over n_step steps and the command `now` that is held, or `linear` on its way to the one
     `ahead`: `advance`, for one run or for lanes."""
@@ -277,11 +280,11 @@ def _hold(
         if p.drive == CURRENT_DRIVE:
             unheeded = choose(size(voltage) > p.voltage_limit, 1.0, 0.0) if ideal else work[LIMITED_1 + j]
             count(state, AT_VOLTAGE_LIMIT_1 + j, unheeded > 0.0)
-    if e is None:
-        state[COIL_1] = state[I1]
-        state[COIL_2] = state[I2]
-    elif status == OK:
-        settle(cells, p, e, state, work)
+    if e is not None and (whole or settles(e)):
+        if status == OK:
+            settle(cells, p, e, state, work)
+    else:
+        state[COIL_1], state[COIL_2] = state[I1], state[I2]
     return status
 
 
@@ -330,9 +333,22 @@ def settle(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows) -
 
 
 @compiled
-def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, row: Rows, start: int) -> Flag:
-    """The state before a command acts into the columns of a row from `start`; False outside the table."""
-    look_at(e, state, work)
+def settles(e: Rows) -> bool:
+    """Whether anything of a state is found by `settle` alone, in one lane at least: a memory of iron or friction, coil
+    currents that are not the magnetising ones, what laws add to a reading."""
+    iron = e[magnetic.HYSTERESIS_SLOPE] + e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE]
+    remanent = size(e[stray_flux.REMANENT_1]) + size(e[stray_flux.REMANENT_2])
+    eddies = e[magnetic.EDDY] + e[magnetic.EDDY_MODE] + size(e[magnetic.SHARE])
+    friction = e[mechanical.FRICTION_SLOPE] + e[mechanical.SMOOTH_FRICTION]
+    return some(iron + remanent + eddies + friction + e[expressions.LAWS] > 0.0)
+
+
+@compiled
+def write_row(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, row: Rows, start: int, whole: bool
+) -> Flag:  # fmt: skip
+    """The state before a command acts into the columns of a row from `start`; False outside the table, if that is
+    looked for: in a `whole` row, with flux linkages."""
     x, v = seen(e, state, 0)
     bandwidth = p.sensor_bandwidth if e is None else e[sensing.SENSOR_BANDWIDTH]
     for n in range(N_OUT):
@@ -346,6 +362,9 @@ def write_row(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows
     lags = bandwidth < np.inf
     row[start + OUT_SENSOR_SLOPE] = choose(lags, choose(lags, bandwidth, 0.0) * (x - state[SENSOR]), v)
     inside = x == x
+    if not whole:
+        return inside
+    look_at(e, state, work)
     if p.sides == 2:
         inside = set_mutual_flux(cells, p, e, work, state[I1], state[I2])
     for j in range(p.sides):

@@ -23,6 +23,10 @@ from msl_fem.plant.layout import (
     BLOCK_2,
     N_BLOCK,
     N_OUT,
+    OUT_FLUX_1,
+    OUT_FLUX_2,
+    OUT_SLOPE_AFTER_1,
+    OUT_SLOPE_BEFORE_2,
     SURFACE_START,
     TILTED,
     initial_state,
@@ -35,6 +39,9 @@ from msl_fem.plant.side import cells_of
 
 AT_A_TIME = 512
 """Samples of eight lanes that the kernel writes before they are put where they stay: 0.6 MB."""
+LINE = 64  # bytes of the cache that are read at once, as many as eight numbers have
+OF_WHOLE_ROWS = [OUT_FLUX_1, OUT_FLUX_2, *range(OUT_SLOPE_AFTER_1, OUT_SLOPE_BEFORE_2 + 1)]
+"""Columns for which the kernel has to do more."""
 FEW = 2
 """Lanes that are faster one by one: eight together cost as much as two and a half to four alone."""
 Begun = tuple[Array, Array | None]
@@ -170,7 +177,11 @@ class Lanes:
         block, linear = self._block(np.array(lanes), begun), self.inputs.hold == "linear"
         asked = np.ascontiguousarray(commands).reshape(-1, *commands.shape[2:])
         pushed = np.ascontiguousarray(pushes)
-        _run_block(self._joined, block, asked, pushed, self.step, self.substeps, self.columns, out, parts, linear)
+        written = in_lines(np.empty((AT_A_TIME * N_OUT, LANES)))
+        _run_block(
+            self._joined, block, asked, pushed, self.step, self.substeps, self.columns, written, out, parts, linear,
+            bool(np.isin(self.columns, OF_WHOLE_ROWS).any()),
+        )  # fmt: skip
         return out
 
     def alone(self, lane: int) -> Array:
@@ -203,16 +214,16 @@ class Lanes:
         plants = [self.plants[lane] for lane in lanes]
         state = np.column_stack([one for one, _ in begun])
         columns = [e for _, e in begun if e is not None]
-        effects = np.ascontiguousarray(np.column_stack(columns)) if columns else None
+        effects = in_lines(np.column_stack(columns)) if columns else None
         work = lane_workspace()
         if self.settings.surface_index is not None:
             first = self.settings.surface_index[lanes] * self.surface.coefficients[0].size
             for block in (BLOCK_1, BLOCK_2, *range(TILTED, TILTED + 4 * N_BLOCK, N_BLOCK)):
                 work[block + SURFACE_START] = first
         stops = [p.end_stop.position if p.end_stop else np.inf for p in plants]
-        numbers = np.ascontiguousarray(np.array([numbers_of(p) for p in plants]).T)
+        numbers = in_lines(np.array([numbers_of(p) for p in plants]).T)
         p = plants[0]
-        return _Block(numbers, effects, np.ascontiguousarray(state), work, p.sides, p.magnets, p.drive, min(stops))
+        return _Block(numbers, effects, in_lines(state), in_lines(work), p.sides, p.magnets, p.drive, min(stops))
 
 
 class _Block(NamedTuple):
@@ -236,14 +247,25 @@ def numbers_of(p: PlantParameters) -> list[float]:
     return [np.nan if value is None or isinstance(value, tuple) else float(value) for value in p]
 
 
+def in_lines(values: Array) -> Array:
+    """A copy of rows of eight numbers, none of which lies across two lines of the cache."""
+    room = np.empty(values.size + LINE // 8)
+    first = -room.ctypes.data % LINE // 8
+    found = room[first : first + values.size].reshape(values.shape)
+    found[:] = values
+    return found
+
+
 @compiled
 def _run_block(
     surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int,
-    columns: NDArray[np.intp], out: Array, parts: Parts, linear: bool,
+    columns: NDArray[np.intp], written: Array, out: Array, parts: Parts, linear: bool,
+    whole: bool,
 ) -> None:  # fmt: skip
     """`kernel.run` over stretches for eight lanes: into `out` (n_column, LANES, n_sample) some of the kernel's columns;
     a lane that cannot go on is nan from there. Commands (2 n_sample,) and disturbance (n_sample,) are those of all, or
-    with an axis (LANES,) more those of each. What the kernel writes stays in the cache."""
+    with an axis (LANES,) more those of each. What the kernel has `written` (AT_A_TIME N_OUT, LANES) stays in the
+    cache."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
     p = PlantParameters(
@@ -273,7 +295,7 @@ def _run_block(
         own[_ROW.polarity],
         own[_ROW.inductance],
     )
-    written, starts, lengths = np.empty((AT_A_TIME * N_OUT, LANES)), parts.starts, parts.lengths
+    starts, lengths = parts.starts, parts.lengths
     before, state_there, work_there = block.state.copy(), block.state.copy(), block.work.copy()
     asked, pushed, table, kept = rows_of(commands), rows_of(disturbance), rows_of(written), rows_of(before)
     took = rows_of(lengths)
@@ -297,7 +319,23 @@ def _run_block(
         for begin in range(parts.samples[m, 0], end, AT_A_TIME):
             upto = min(begin + AT_A_TIME, end)
             kernel.rows_between(
-                None, cells, p, e, state, work, block.reach, asked, pushed, end, begin, upto, step, n_sub, table, linear
+                None,
+                cells,
+                p,
+                e,
+                state,
+                work,
+                block.reach,
+                asked,
+                pushed,
+                end,
+                begin,
+                upto,
+                step,
+                n_sub,
+                table,
+                linear,
+                whole,
             )
             for n in range(upto - begin):
                 for j in range(columns.size):

@@ -60,9 +60,11 @@ N_STATE = _STATE.size
 
 _BLOCK = RowLayout()
 # The cell of the coenergy spline that a side is in: coefficients (powers of the gap first), its edges, what a lane
-# looks for, and where the coefficients of the lane's surface begin
+# looks for, and where the coefficients of the lane's surface begin; the |current| and gap of the last evaluation, and
+# what it found
 CELL = _BLOCK.row(36)
 GAP_LOW, GAP_HIGH, CURRENT_LOW, CURRENT_HIGH, CURRENT, GAP, SURFACE_START = _BLOCK.rows(7)
+LAST_CURRENT, LAST_GAP, LAST_FOUND = _BLOCK.row(), _BLOCK.row(), _BLOCK.row(5)
 N_BLOCK = _BLOCK.size
 
 _MUTUAL = RowLayout()
@@ -161,6 +163,10 @@ def workspace() -> Array:
     """Rows for one run."""
     work = np.zeros(N_WORK)
     work[CIRCUIT_2 + INDUCTANCE] = 1.0  # of a side that is not there
+    for block in range(2):
+        work[BLOCK_1 + block * N_BLOCK + LAST_GAP] = np.nan  # of none
+    for block in range(4):
+        work[TILTED + block * N_BLOCK + LAST_GAP] = np.nan
     return work
 
 

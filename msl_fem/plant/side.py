@@ -40,6 +40,9 @@ from msl_fem.plant.layout import (
     GAP,
     GAP_HIGH,
     GAP_LOW,
+    LAST_CURRENT,
+    LAST_FOUND,
+    LAST_GAP,
     N_BLOCK,
     SURFACE_START,
     TILTED,
@@ -170,8 +173,12 @@ def _in_current(work: Rows, power: int, x: Value) -> tuple[Value, Value, Value]:
 
 
 @compiled
-def cell_slopes(work: Rows, block: int, current: Value, gap: Value) -> tuple[Value, Value, Value]:
-    """(W'_g, W'_ii, W'_ig) at |current| and gap inside the block's cell: what the equations of motion need."""
+def cell_values(work: Rows, block: int, current: Value, gap: Value) -> Five:
+    """(W', W'_g, W'_i, W'_ii, W'_ig) at |current| and gap inside the block's cell. What a step ends with the next one
+    begins with, and it is asked for several times there: where all lanes are where they were last, it is known."""
+    if every((work[block + LAST_CURRENT] == current) & (work[block + LAST_GAP] == gap)):
+        last = block + LAST_FOUND
+        return work[last], work[last + 1], work[last + 2], work[last + 3], work[last + 4]
     x, y = current - work[block + CURRENT_LOW], gap - work[block + GAP_LOW]
     w = w_g = w_i = w_ig = w_ii = x - x
     for p in range(5, -1, -1):
@@ -181,23 +188,11 @@ def cell_slopes(work: Rows, block: int, current: Value, gap: Value) -> tuple[Val
         w_ig = fma(w_ig, y, w_i)
         w_i = fma(w_i, y, b)
         w_ii = fma(w_ii, y, c)
-    return w_g, 2.0 * w_ii, w_ig
-
-
-@compiled
-def cell_values(work: Rows, block: int, current: Value, gap: Value) -> tuple[Value, Value, Value, Value, Value]:
-    """(W', W'_g, W'_i, W'_ii, W'_ig) at |current| and gap inside the block's cell; the slopes equal those of
-    `cell_slopes` to the last bit."""
-    x, y = current - work[block + CURRENT_LOW], gap - work[block + GAP_LOW]
-    w = w_g = w_i = w_ig = w_ii = x - x
-    for p in range(5, -1, -1):
-        a, b, c = _in_current(work, block + CELL + 6 * p, x)
-        w_g = fma(w_g, y, w)
-        w = fma(w, y, a)
-        w_ig = fma(w_ig, y, w_i)
-        w_i = fma(w_i, y, b)
-        w_ii = fma(w_ii, y, c)
-    return w, w_g, w_i, 2.0 * w_ii, w_ig
+    w_ii = 2.0 * w_ii
+    last = block + LAST_FOUND
+    work[last], work[last + 1], work[last + 2], work[last + 3], work[last + 4] = w, w_g, w_i, w_ii, w_ig
+    work[block + LAST_CURRENT], work[block + LAST_GAP] = current, gap
+    return w, w_g, w_i, w_ii, w_ig
 
 
 @compiled
@@ -222,7 +217,7 @@ def side_slopes(
     linkages = p.magnets * p.current_share
     i = p.current_share * current
     inside = enter_cell(cells, work, BLOCK_1 + j * N_BLOCK, size(i), gap)
-    w_g, w_ii, w_ig = cell_slopes(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
+    _, w_g, _, w_ii, w_ig = cell_values(work, BLOCK_1 + j * N_BLOCK, size(i), gap)
     flux_slope = choose(i < 0.0, 0.0 - w_ig, w_ig)
     return inside, p.magnets * (0.0 - w_g), linkages * p.current_share * w_ii + leakage(p, j), linkages * flux_slope
 

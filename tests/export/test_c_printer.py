@@ -181,7 +181,6 @@ KERNEL = {
     drive._turned: "Rrr",
     drive._straight: "Rnrr",
     side.cell_values: "Rnrr",
-    side.cell_slopes: "Rnrr",
     equations.series_iron: "Rr",
     equations.stop_sum: "RRnnnnr",
     equations.settle_stops: "RRnnnnr",

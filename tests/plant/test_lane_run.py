@@ -12,7 +12,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.lanes import LANES
 from msl_fem.plant.effects import EffectValues, neutral_vector
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.lane_block import AT_A_TIME, FEW, LaneSettings
+from msl_fem.plant.lane_block import AT_A_TIME, FEW, LINE, LaneSettings, in_lines
 from msl_fem.plant.lane_run import LaneRun, run_lanes
 from msl_fem.plant.layout import N_OUT
 from msl_fem.plant.plant import plant_parameters, surface_of
@@ -92,6 +92,39 @@ def test_what_is_asked_for_alone_is_kept(
         own = LaneSettings(effects=effects[:1])
         alone = run_lanes(surface_of(table), plants[lane : lane + 1], inputs, substeps=5, settings=own)
         assert np.array_equal(every.rows(lane), alone.rows(0))
+
+
+@pytest.mark.parametrize("kind", ["current", "voltage"])
+@pytest.mark.parametrize("substeps", [1, 10])
+def test_what_is_done_for_whole_rows_alone_changes_none_of_the_others(
+    servo: Actuator, table: MagneticTable, kind: str, substeps: int
+) -> None:
+    """With every effect by itself, eight times in a block, over two stretches: memories and the coils' currents are
+    found where flux linkages and slopes are not asked for as well."""
+    plant, inputs = drive_of(servo, kind)
+    starts = np.zeros((LANES, 2, 4))
+    starts[:, 1] = [0.02, 0.01, 1e-6, 1e-3]
+    seen = 0
+    for name, values in ALL_EFFECTS.stated.items():
+        effects = np.tile(EffectValues({name: dict(values)}).vector(), (LANES, 1))
+        settings = LaneSettings(effects=effects, starts=starts, begins=np.array([0, 30]))
+        plants = [plant._replace(mass=plant.mass * (1 + 0.01 * n)) for n in range(LANES)]
+        whole = run_lanes(surface_of(table), plants, inputs, substeps=substeps, settings=settings)
+        asked = replace(settings, quantities=frozenset({"position", "current", "voltage"}))
+        found = run_lanes(surface_of(table), plants, inputs, substeps=substeps, settings=asked)
+        for quantity in ("position", "current", "voltage"):
+            assert np.array_equal(getattr(found, quantity), getattr(whole, quantity)), (name, quantity)
+        seen += found.columns.size < N_OUT - 5
+    assert seen > 20
+
+
+def test_rows_of_eight_begin_with_a_line_of_the_cache() -> None:
+    for size in range(1, 20):
+        values = np.random.default_rng(size).random((size, LANES))
+        found = in_lines(values.T.copy().T)
+        assert np.array_equal(found, values)
+        assert found.ctypes.data % LINE == 0
+        assert found.flags.c_contiguous
 
 
 @pytest.mark.parametrize("count", [1, LANES])
