@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.threads import in_threads
 from msl_fem.errors import ComputationError
 
 
@@ -96,6 +98,8 @@ HALVING = Damping(first=0.0, least=np.inf, rise=1.0, most=3.0, factor=2.0)
 ROUNDING = 1e-12  # of a diagonal: what acts alike
 ROWS_AT_ONCE = 4096
 """Of a Jacobian, that are weighted and multiplied at a time."""
+PARTS = 4
+"""Of all rows, each summed by itself: what threads share."""
 VAIN = 0.1
 """Share of its promise below which the step of a new model was in vain."""
 MOST_VAIN = 2
@@ -109,6 +113,9 @@ MOST_PATTERNS = 2  # times that it does so, twice as far each
 SLOWLY = 0.25
 """Share of the first of these steps' gains that the last one brings, from which a descent is slow: near an end that a
 model is right about each step leaves much less than the one before."""
+MOST_FAILED = 3
+"""Trials in a row that raise the objective, with which a descent ends where little is promised: a model that is right
+about the slope keeps at least the promise of a damped step."""
 MOST_IDLE = 2
 """Trials in a row after that, or that are damped so much that they promise no more, which bring less than is enough to
 go on, with which a descent ends."""
@@ -134,6 +141,7 @@ class DescentSettings:
         they promise (`VAIN`), as at a kink, no new one helps, and what is taken over has to do, until it brings nothing
         either; nor is anything to come where only damped steps are left that promise too little (`MOST_IDLE`)
     fresh_end : whether a stale model that promises too little is computed anew before the descent ends
+    little : a promised decrease below which `MOST_FAILED` failures in a row end it
     """
 
     damping: Damping = Damping()
@@ -144,6 +152,7 @@ class DescentSettings:
     renewal: float | None = None
     fresh_end: bool = True
     least: float = 0.0
+    little: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +219,8 @@ def descend(
             steps, failed = steps + 1, 0
         elif renewal is not None and model.stale and failed >= DAMPED_FIRST:
             model = objective.model(point, None)
+        elif failed + 1 >= MOST_FAILED and model.promised < how.little:
+            return Descent(point, model, "in vain", steps, mu)
         elif mu > how.damping.most:
             return Descent(point, model, "no descent", steps, mu)
         else:
@@ -227,16 +238,31 @@ def _as_far_again(further: Callable[[P, P], P], since: P, point: P) -> P:
     return point
 
 
-def normal_equations(jacobian: Array | Slopes, root: Array, residual: Array | None = None) -> tuple[Array, Array]:
-    """(J'J (n, n), J'r (n,)) of a Jacobian (n_number, n) and a residual (n_number,) times `root` (n_number,), some rows
-    at a time: as large as the Jacobian nothing is made beside it. Without a residual J'r is zero."""
-    gram, slope = np.zeros((jacobian.shape[1],) * 2), np.zeros(jacobian.shape[1])
-    for begin in range(0, len(jacobian), ROWS_AT_ONCE):
-        rows = slice(begin, begin + ROWS_AT_ONCE)
+def summed_over_rows(made: Callable[[slice], tuple[Array, ...]], n_row: int, *, threads: int = 1) -> tuple[Array, ...]:
+    """The sums of what is made of some rows of a large matrix at a time, so that nothing as large is made beside it;
+    the same to the last bit by any number of threads."""
+
+    def of_part(rows: NDArray[np.intp]) -> list[Array]:
+        every = (made(slice(begin, begin + ROWS_AT_ONCE)) for begin in rows)
+        return [sum(one[1:], one[0]) for one in zip(*every, strict=True)]
+
+    begins = np.arange(0, max(n_row, 1), ROWS_AT_ONCE)
+    parts = in_threads(of_part, np.array_split(begins, min(PARTS, begins.size)), threads)
+    return tuple(sum(one[1:], one[0]) for one in zip(*parts, strict=True))
+
+
+def normal_equations(
+    jacobian: Array | Slopes, root: Array, residual: Array | None = None, *, threads: int = 1
+) -> tuple[Array, Array]:
+    """(J'J (n, n), J'r (n,)) of a Jacobian (n_number, n) and a residual (n_number,) times `root` (n_number,). Without a
+    residual J'r is zero."""
+
+    def made(rows: slice) -> tuple[Array, Array]:
         weighted = jacobian[rows] * root[rows, None]
-        gram += weighted.T @ weighted
-        if residual is not None:
-            slope += weighted.T @ (residual[rows] * root[rows])
+        right = np.zeros(len(weighted)) if residual is None else residual[rows] * root[rows]
+        return weighted.T @ weighted, weighted.T @ right
+
+    gram, slope = summed_over_rows(made, len(jacobian), threads=threads)
     return gram, slope
 
 

@@ -92,6 +92,7 @@ class FitPlan:
     enough : nats that a further step would gain, at which it ends
     share : of what is above white noise as loud as the instruments show it, that is enough where it is more
     until : log evidence that ends it
+    little : nats that a further step promises, below which some that fail in a row end a round
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
     fresh_begin, fresh_end : whether they, and all others, are those of the point where the fit goes on, and ends
     tell : is told at every model of the objective what a further step promises
@@ -102,6 +103,7 @@ class FitPlan:
     enough: float = CONVERGED
     share: float = 0.0
     until: float = np.inf
+    little: float = 0.0
     renew: bool = True
     fresh_begin: bool = False
     fresh_end: bool = True
@@ -152,7 +154,9 @@ def fit(
             sane = _fit_at(posterior, *posterior.cooled(first, model), simulations, damping.first)
             sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
-        settings = DescentSettings(damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise)
+        settings = DescentSettings(
+            damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise, how.little
+        )
         end = descend(
             posterior, first, settings, first=model, further=posterior.further, reached=partial(_reached, posterior)
         )
@@ -272,11 +276,13 @@ class _FitPoint:
 class _FitModel:
     """S near a point: the densities of the noise as they are there, the residual linear."""
 
-    def __init__(self, unknowns: Unknowns, point: _FitPoint, jacobian: Slopes, *, stale: bool) -> None:
+    def __init__(
+        self, unknowns: Unknowns, point: _FitPoint, jacobian: Slopes, *, stale: bool, threads: int = 1
+    ) -> None:
         self.unknowns, self.point = unknowns, point
         self.jacobian, self.stale = jacobian, stale
         _, prior_slope, self.curvature = unknowns.prior(point.z)
-        self.gram, slope = normal_equations(jacobian, point.weights.root, point.residual)
+        self.gram, slope = normal_equations(jacobian, point.weights.root, point.residual, threads=threads)
         self.slope = slope + prior_slope
         self.bounds = _bounds(unknowns) - point.z
         self.promised = self.step(-1.0)[1]
@@ -312,6 +318,8 @@ class _FitPosterior:
         # by how much each unknown moves the starts of stretches
         self.start_slopes = tuple(own.copy() for own in start_slopes)
         self._jacobian = np.empty((0, unknowns.size), dtype=np.float32)
+        self._left: _FitPoint | None = None  # from which the last move went
+        self._failed = 0  # moves from there before it
 
     def at(self, z: Array, starts: Starts | None = None, most: float = np.inf) -> _FitPoint:
         """A point that holds the bounds; its S is inf where the simulation fails. Stretches begin at `starts`, or where
@@ -364,11 +372,18 @@ class _FitPosterior:
         return cold, _FitModel(self.unknowns, cold, model.jacobian, stale=True)
 
     def moved(self, point: _FitPoint, move: Array) -> _FitPoint:
+        """The point that a move leads to. Starts go along as it moves them, and to where they suit the point, half as
+        far each time that a move from it did not lead down: a linear model knows of a stretch alone, and not of what it
+        does to those behind it."""
         z = self.unknowns.allowed(point.z + move)
         if not self.start_slopes or point.nearer is None:
             return self.at(z, most=point.objective)
+        self._failed = self._failed + 1 if point is self._left else 0
+        self._left, share = point, 0.5**self._failed
         by = [np.tensordot(z - point.z, slopes, axes=1) for slopes in self.start_slopes]
-        return self.at(z, tuple(own + b for own, b in zip(point.nearer, by, strict=True)), point.objective)
+        here = point.starts or self.likelihood.problem.starts(1)
+        every = zip(here, point.nearer, by, strict=True)
+        return self.at(z, tuple(own + share * (near - own) + b for own, near, b in every), point.objective)
 
     def further(self, before: _FitPoint, point: _FitPoint) -> _FitPoint:
         """As far again beyond a point as from the one before."""
@@ -401,7 +416,7 @@ class _FitPosterior:
             for every, own in zip(self.start_slopes, slopes, strict=True):
                 every[which] = own
         self.simulations += which.size
-        model = _FitModel(self.unknowns, point, self._jacobian, stale=stale)
+        model = _FitModel(self.unknowns, point, self._jacobian, stale=stale, threads=self.likelihood.threads_here)
         if self.plan.tell is not None:
             promise = f"{max(model.promised, 0.0):.3g} nats"
             self.plan.tell(f"a further step promises {promise}, below {self.plan.enough:.3g} it is the last")

@@ -39,16 +39,27 @@ class GatheredRuns:
     """Where `count` fits meet, each in a thread of its own: once all that have not ended wait for simulations, those of
     one problem are run together, by so many `threads`. Between them `at_once` fits at most do their own sums: for each
     thread that multiplies matrices meanwhile BLAS holds some 30 MB. `by_itself` is for what a fit simulates on its own:
-    of one fit at a time, for the memory's sake."""
+    of one fit at a time, for the memory's sake. What is here at the end is handed on: `ended` is told of it."""
 
     def __init__(
-        self, count: int, *, at_once: int = 2, threads: int = 1, by_itself: "threading.Lock | None" = None
+        self,
+        count: int,
+        *,
+        at_once: int = 2,
+        threads: int = 1,
+        by_itself: "threading.Lock | None" = None,
+        ended: "Callable[[GatheredRuns], None]" = lambda place: None,
     ) -> None:
-        self._running, self.threads = count, threads
+        self._running, self.threads, self._ended = count, threads, ended
         self._turns = threading.Semaphore(at_once)
         self._asked: list[_Asked] = []
         self._condition = threading.Condition()
         self.by_itself = by_itself or threading.Lock()
+
+    def takes_over(self, other: "GatheredRuns") -> None:
+        """The threads of a place that all fits have left, and one turn more to do sums."""
+        self.threads += other.threads
+        self._turns.release()
 
     def spectra(self, problem: FitProblem, points: Points, simulated: Simulated) -> Array:
         """What `simulated` makes of these points, together with those of the other fits."""
@@ -75,6 +86,9 @@ class GatheredRuns:
             with self._condition:
                 self._running -= 1
                 self._meet()
+                left = self._running == 0
+            if left:
+                self._ended(self)
 
     def _meet(self) -> None:
         if not self._asked or len(self._asked) < self._running:
@@ -98,7 +112,8 @@ def in_gatherings(
 ) -> list[Stepped]:
     """A step of each item, so many of them at the same time; it comes to that of one after the other.
 
-    They meet in as many places as there are threads: while those of one do their sums, others are simulated.
+    They meet in as many places as there are threads: while those of one do their sums, others are simulated. A place
+    that all have left leaves its threads to another one.
     """
     if not items:
         return []
@@ -118,15 +133,23 @@ def in_gatherings(
                     return
                 found[n] = step(items[n])
 
+    def ended(place: GatheredRuns) -> None:
+        with taking:
+            running.remove(place)
+            if running:
+                running[0].takes_over(place)
+
     each = [
         GatheredRuns(
             len(range(place, count, places)),
             at_once=2 if places == 1 else 1,
             threads=threads // places,
             by_itself=by_itself,
+            ended=ended,
         )
         for place in range(places)
     ]
+    running = list(each)
     with ThreadPoolExecutor(count) as pool:
         list(pool.map(go_on, [each[n % places] for n in range(count)]))
     return [found[n] for n in range(len(items))]

@@ -252,7 +252,7 @@ class Likelihood:
     def _fill(self, found: Array, moves: Array, run: int, points: Points) -> None:
         """Writes a run's part of the numbers (n_row, n_own), and what moves its starts, (n_row, n_move); simulated,
         transformed and forgotten group by group, a single one by all threads."""
-        threads = self.threads if self.gathered is None else self.gathered.threads
+        threads = self.threads_here
         groups = batches(self.problem, points, run, substeps=self.substeps, threads=threads)
         within = threads if len(groups) == 1 else 1
         problem = replace(self.problem, threads=within)
@@ -341,6 +341,11 @@ class Likelihood:
     def threads(self) -> int:
         """That simulate."""
         return self.problem.threads
+
+    @property
+    def threads_here(self) -> int:
+        """That simulate and do sums where it meets others at the moment."""
+        return self.threads if self.gathered is None else self.gathered.threads
 
     @property
     def is_cut(self) -> bool:

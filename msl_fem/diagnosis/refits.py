@@ -384,7 +384,8 @@ class Refinement:
         enough = max(ROUGHLY_CONVERGED if self.base.unknowns.effects else CONVERGED, FRACTION * refit.gain)
         ended = max(ROUGHLY_CONVERGED, min(LED * refit.gain, ROUGH))
         enough = min(enough, ended) if leads else max(enough, ROUGHLY_CONVERGED)
-        plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough, fresh_begin=leads)
+        little = FRACTION * refit.gain if leads else 0.0
+        plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough, little=little, fresh_begin=leads)
         led = None
         if leads and not self.base.unknowns.effects and strained(refit.fit):
             self.tell(f"{refit.variant.name}, which leads, once more with all else as believed")

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
-from msl_fem.computing.gauss_newton import normal_equations
+from msl_fem.computing.gauss_newton import normal_equations, summed_over_rows
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
@@ -31,7 +31,6 @@ Shapes = tuple[EffectUnknown, ...]
 Amount = tuple[EffectUnknown, Shapes]
 """An amount, and the shapes around which it acts."""
 ROUNDING = 1e-12  # of a diagonal: amounts that act alike
-ROWS = 4096  # of the columns that are taken at a time, in double precision
 AT_ONCE = 32  # amounts that are simulated together
 
 
@@ -65,19 +64,24 @@ class Background:
         self.c = raw
         residual = found.residual * root
         _, prior_slope, curvature = found.unknowns.prior(found.z)
-        gram, slope = normal_equations(jacobian, root, found.residual)
-        between = np.zeros((jacobian.shape[1], raw.shape[1]))
-        parts = [slice(n, n + ROWS) for n in range(0, len(raw), ROWS)]
-        for part in parts:
-            between += (jacobian[part] * root[part, None]).T @ raw[part].astype(np.float64)
+        threads = found.likelihood.threads
+        gram, slope = normal_equations(jacobian, root, found.residual, threads=threads)
+
+        def with_unknowns(rows: slice) -> tuple[Array, ...]:
+            return ((jacobian[rows] * root[rows, None]).T @ raw[rows].astype(np.float64),)
+
+        [between] = summed_over_rows(with_unknowns, len(raw), threads=threads)
         inverse = np.linalg.inv(gram + np.diag(curvature))
         absorbed = inverse @ between
         self.still, self.moved = -inverse @ (slope + prior_slope), -absorbed
-        self.own, self.slope = absorbed.T @ (curvature[:, None] * absorbed), absorbed.T @ prior_slope
-        for part in parts:
-            left = raw[part] - (jacobian[part] * root[part, None]) @ absorbed
-            self.own += left.T @ left
-            self.slope -= left.T @ residual[part]
+
+        def beside_them(rows: slice) -> tuple[Array, ...]:
+            left = raw[rows] - (jacobian[rows] * root[rows, None]) @ absorbed
+            return left.T @ left, left.T @ residual[rows]
+
+        own, slope = summed_over_rows(beside_them, len(raw), threads=threads)
+        self.own = absorbed.T @ (curvature[:, None] * absorbed) + own
+        self.slope = absorbed.T @ prior_slope - slope
 
     def score(self, variant: Variant, places: Sequence[int]) -> Score:
         """The score of a variant whose amounts stand at these places."""

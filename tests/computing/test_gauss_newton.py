@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 from msl_fem.computing import gauss_newton
 from msl_fem.computing.gauss_newton import (
     HALVING,
+    MOST_FAILED,
     ROWS_AT_ONCE,
     Damping,
     DescentSettings,
@@ -249,6 +250,40 @@ def test_products_made_of_some_rows_at_a_time_are_those_of_the_whole() -> None:
     expected = jacobian + np.outer(residual, row)
     add_outer(jacobian, residual, row)
     assert jacobian == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 1, ROWS_AT_ONCE, 7 * ROWS_AT_ONCE + 5])
+def test_sums_over_rows_are_the_same_to_the_last_bit_by_any_number_of_threads(n: int) -> None:
+    jacobian, residual = np.random.default_rng(3).standard_normal((n, 4)), np.random.default_rng(4).standard_normal(n)
+    each = [normal_equations(jacobian, np.ones(n), residual, threads=threads) for threads in (1, 2, 3)]
+    for gram, slope in each[1:]:
+        assert np.array_equal(gram, each[0][0])
+        assert np.array_equal(slope, each[0][1])
+    assert each[0][0] == pytest.approx(jacobian.T @ jacobian, rel=1e-11, abs=1e-9)
+    assert each[0][1] == pytest.approx(jacobian.T @ residual, rel=1e-11, abs=1e-9)
+
+
+class Misled:
+    """Models whose steps all lead up, however short; counts them."""
+
+    def __init__(self) -> None:
+        self.trials = 0
+
+    def moved(self, point: Kinked, move: np.ndarray) -> Kinked:
+        self.trials += 1
+        return Kinked(point.objective + 1.0)
+
+    def model(self, point: Kinked, neighbour: Promises | None) -> Promises:
+        return Promises(stale=False)
+
+
+@pytest.mark.parametrize(("little", "trials"), [(0.0, 8), (np.inf, MOST_FAILED)])
+def test_where_little_is_promised_a_descent_does_not_try_for_long(little: float, trials: int) -> None:
+    misled = Misled()
+    end = descend(misled, Kinked(1.0), DescentSettings(most_trials=8, little=little))
+    assert misled.trials == trials
+    assert end.steps == 0
+    assert (end.ending == "in vain") == (little > 0.0)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -25,7 +25,7 @@ class LinearRecord:
     data: Array
     nuisances: Array
     of_effect: dict[str, Array]
-    is_cut, begins, threads = False, (), 1
+    is_cut, begins, threads, threads_here = False, (), 1, 1
     strict = False
 
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":

@@ -26,7 +26,7 @@ N = 2000
 class LinearRecord:
     """White noise, and an effect of known size in its readings; two further columns are unknown."""
 
-    is_cut, begins, threads = False, (), 1
+    is_cut, begins, threads, threads_here = False, (), 1, 1
     strict = False
 
     def __init__(self, unknown: EffectUnknown) -> None:

@@ -35,7 +35,7 @@ class CutRecord:
     shrinks: float = 1.0
     visited: list[np.ndarray] = field(default_factory=list)
     followed_at: list[np.ndarray] = field(default_factory=list)
-    is_cut, begins, threads = True, (), 1
+    is_cut, begins, threads, threads_here = True, (), 1, 1
 
     def spectra(self, points: Points) -> np.ndarray:
         self.visited.extend(points.rows)
@@ -235,7 +235,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
 class Amounts:
     """A likelihood that is highest where an amount is 0.1 below nothing."""
 
-    is_cut, threads = False, 1
+    is_cut, threads, threads_here = False, 1, 1
 
     def gathering(self, meeting: object) -> "Amounts":
         return self

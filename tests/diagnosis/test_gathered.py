@@ -90,6 +90,32 @@ def test_fits_meet_in_as_many_places_as_there_are_threads_and_each_is_simulated_
     assert gathered_here() is None
 
 
+def test_a_place_that_all_have_left_leaves_its_threads_to_another_one() -> None:
+    """Of two fits in two places the one that goes on alone is simulated by both threads."""
+    other_has_left = threading.Event()
+    threads: dict[int, list[int]] = {0: [], 1: []}
+
+    def fit(item: int) -> None:
+        gathered = gathered_here()
+        assert gathered is not None
+        threads[item].append(gathered.threads)
+        if item == 0:
+            return
+        assert other_has_left.wait(30)
+        threads[item].append(gathered.threads)
+
+    leaves = GatheredRuns.takes_over
+
+    def noted(self: GatheredRuns, other: GatheredRuns) -> None:
+        leaves(self, other)
+        other_has_left.set()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(GatheredRuns, "takes_over", noted)
+        in_gatherings(fit, [0, 1], at_once=2, threads=2)
+    assert threads == {0: [1], 1: [1, 2]}
+
+
 @pytest.mark.parametrize(("is_cut", "most"), [(True, AT_ONCE), (False, 3 * AT_ONCE)])
 def test_candidates_over_stretches_go_on_a_few_at_a_time(is_cut: bool, most: int) -> None:
     """Each holds the slopes of its own starts meanwhile; followed from start to end all go on at once."""

@@ -30,7 +30,7 @@ from msl_fem.diagnosis.variants import Variant
 class Sizes:
     """A likelihood that is highest where the last number is `SUITS`."""
 
-    is_cut, threads = False, 1
+    is_cut, threads, threads_here = False, 1, 1
 
     def gathering(self, meeting: object) -> "Sizes":
         return self

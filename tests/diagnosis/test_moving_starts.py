@@ -139,6 +139,24 @@ def test_a_point_that_will_not_do_is_left_as_soon_as_that_shows(kind) -> None:
     assert left.objective >= whole.objective
 
 
+def test_starts_go_half_as_far_each_time_that_a_move_has_failed(kind, monkeypatch) -> None:
+    """From one point; from the next one they go all the way again."""
+    likelihood, unknowns, z = kind.likelihood, kind.unknowns, np.zeros(kind.unknowns.size)
+    slopes = tuple(np.zeros((z.size, *cut.starts.shape)) for cut in likelihood.problem.stretches)
+    posterior = fitting._FitPosterior(likelihood, unknowns, FitPlan(), slopes)
+    here = likelihood.problem.starts(1)
+    points = [fitting._FitPoint(z, np.zeros(1), None, 0.0, nearer=tuple(own + 1e-6 for own in here)) for _ in range(2)]
+    went: list[float] = []
+
+    def noted(z: np.ndarray, starts: tuple[np.ndarray, ...], most: float) -> None:
+        went.append(float(np.max(starts[0] - here[0])))
+
+    monkeypatch.setattr(posterior, "at", noted)
+    for point in (points[0], points[0], points[0], points[1]):
+        posterior.moved(point, np.zeros(z.size))
+    assert went == pytest.approx([1e-6, 0.5e-6, 0.25e-6, 1e-6], rel=1e-6)
+
+
 @pytest.mark.parametrize(("most", "looks"), [(np.inf, 4), (1.0, 4), (50.0, 2), (-50.0, 1)])
 def test_starts_that_are_nearly_as_good_do_where_a_step_has_failed(kind, monkeypatch, most: float, looks: int) -> None:
     """A point far above the one before is not looked at again for a hundredth of a sigma."""

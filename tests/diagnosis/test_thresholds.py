@@ -38,7 +38,7 @@ EVERY = [DETUNED_DRIVE, BOTH, SLEWING, LAGGING, FRICTIONAL]
 class Slewing:
     """A likelihood that falls by `depth` where a slew limit has one size, and by half of it where friction has any."""
 
-    threads = 1
+    threads = threads_here = 1
 
     def __init__(self, depth: float) -> None:
         self.depth = depth
