@@ -49,6 +49,8 @@ QUIET = 1.1
 """RMS residual over the noise's sigma, up to which a residual is noise."""
 SAMPLES = 20_000
 """Of all runs together, the first part of a record that is followed in stretches."""
+COLUMNS = 16
+"""Of a Jacobian that are simulated together: in double precision each is twice as large as where it stays."""
 LONGER = 2.0
 """Times as many, from which a record is long."""
 
@@ -67,7 +69,7 @@ def jacobian_columns(
     residual: Array,
 ) -> Array:
     """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
-    return columns_and_start_slopes(likelihood, unknowns, z, which, residual)[0]
+    return _columns_together(likelihood, unknowns, z, which, residual)[0].T
 
 
 def columns_and_start_slopes(
@@ -78,9 +80,29 @@ def columns_and_start_slopes(
     residual: Array,
     starts: Starts | None = None,
     nearer: Starts | None = None,
+) -> tuple[Slopes, Starts]:
+    """`jacobian_columns` in single precision where stretches begin at `starts`, and by how much the starts that suit a
+    point, `nearer` at z, move with each unknown, (n_which, n_stretch, 4) of each run; none where no run is followed
+    over stretches."""
+    columns: Slopes = np.empty((which.size, residual.size), dtype=np.float32)
+    slopes: list[Starts] = []
+    for begin in range(0, which.size, COLUMNS):
+        part = slice(begin, begin + COLUMNS)
+        columns[part], own = _columns_together(likelihood, unknowns, z, which[part], residual, starts, nearer)
+        slopes.append(own)
+    return columns.T, tuple(np.concatenate(own) for own in zip(*slopes, strict=True))
+
+
+def _columns_together(
+    likelihood: "Likelihood",
+    unknowns: Unknowns,
+    z: Array,
+    which: NDArray[np.intp],
+    residual: Array,
+    starts: Starts | None = None,
+    nearer: Starts | None = None,
 ) -> tuple[Array, Starts]:
-    """`jacobian_columns` where stretches begin at `starts`, and by how much the starts that suit a point, `nearer` at
-    z, move with each unknown, (n_which, n_stretch, 4) of each run; none where no run is followed over stretches."""
+    """(n_which, n_number) some of the columns, one after the other, and what goes with them."""
     step = unknowns.steps[which]
     rows = np.tile(z, (which.size, 1))
     rows[np.arange(which.size), which] += step
@@ -96,7 +118,7 @@ def columns_and_start_slopes(
     moved -= residual
     moved /= step[:, None]
     slopes = [np.nan_to_num((a - b) / step[:, None, None]) for a, b in zip(led, nearer or (), strict=False)]
-    return np.asarray(moved.T), tuple(slopes)
+    return moved, tuple(slopes)
 
 
 def numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts, float]:
@@ -167,8 +189,8 @@ class Fit:
         """(n_number, unknowns.size) of the residual, not weighted; computed once more where it was let go."""
         if self.columns.values is None:
             every = np.arange(self.unknowns.size)
-            found = jacobian_columns(self.likelihood, self.unknowns, self.z, every, self.residual)
-            self.columns.values = found.astype(np.float32)
+            found = columns_and_start_slopes(self.likelihood, self.unknowns, self.z, every, self.residual)
+            self.columns.values = found[0]
         return self.columns.values
 
     def lets_go(self) -> None:

@@ -18,7 +18,7 @@ from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import FIRST_LOOK, TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
-from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, jacobian_columns
+from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, columns_and_start_slopes
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -64,7 +64,7 @@ ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best 
 WITH_COLUMNS = 5
 """Candidates over stretches that keep their Jacobians, the best: each is as large as that of the fit beside which they
 are, and those behind seldom go on."""
-AT_ONCE = 4
+AT_ONCE = 3
 """Candidates that go on at the same time where each has starts of stretches of its own, which take memory, and after
 some steps no simulation in common with another."""
 
@@ -560,8 +560,7 @@ class Refinement:
         residual = likelihood.spectra(Points.of(unknowns, z[None]))[0].copy()
         if likelihood.is_cut or not np.isfinite(residual).all():
             return None
-        columns = jacobian_columns(likelihood, unknowns, z, np.arange(unknowns.n_nuisance), residual)
-        return columns.astype(np.float32)
+        return columns_and_start_slopes(likelihood, unknowns, z, np.arange(unknowns.n_nuisance), residual)[0]
 
     def _on(self, begun: Refit) -> Refit:
         """What began at small amounts, some steps on."""
