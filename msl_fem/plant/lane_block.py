@@ -42,8 +42,8 @@ AT_A_TIME = 512
 LINE = 64  # bytes of the cache that are read at once, as many as eight numbers have
 OF_WHOLE_ROWS = [OUT_FLUX_1, OUT_FLUX_2, *range(OUT_SLOPE_AFTER_1, OUT_SLOPE_BEFORE_2 + 1)]
 """Columns for which the kernel has to do more."""
-FEW = 2
-"""Lanes that are faster one by one: eight together cost as much as two and a half to four alone."""
+FEW = 1
+"""Lanes that are faster one by one: eight together cost as much as one to one and a half alone."""
 Begun = tuple[Array, Array | None]
 """(state, coefficients of the effects) with which a lane begins; None without effects."""
 
@@ -259,8 +259,7 @@ def in_lines(values: Array) -> Array:
 @compiled
 def _run_block(
     surface: Surface, block: _Block, commands: Array, disturbance: Array, step: float, n_sub: int,
-    columns: NDArray[np.intp], written: Array, out: Array, parts: Parts, linear: bool,
-    whole: bool,
+    columns: NDArray[np.intp], written: Array, out: Array, parts: Parts, linear: bool, whole: bool,
 ) -> None:  # fmt: skip
     """`kernel.run` over stretches for eight lanes: into `out` (n_column, LANES, n_sample) some of the kernel's columns;
     a lane that cannot go on is nan from there. Commands (2 n_sample,) and disturbance (n_sample,) are those of all, or
@@ -319,24 +318,9 @@ def _run_block(
         for begin in range(parts.samples[m, 0], end, AT_A_TIME):
             upto = min(begin + AT_A_TIME, end)
             kernel.rows_between(
-                None,
-                cells,
-                p,
-                e,
-                state,
-                work,
-                block.reach,
-                asked,
-                pushed,
-                end,
-                begin,
-                upto,
-                step,
-                n_sub,
-                table,
-                linear,
-                whole,
-            )
+                None, cells, p, e, state, work, block.reach, asked, pushed, end, begin, upto, step, n_sub, table,
+                linear, whole,
+            )  # fmt: skip
             for n in range(upto - begin):
                 for j in range(columns.size):
                     for k in range(LANES):
