@@ -95,7 +95,8 @@ def test_functions_of_one_variable_are_looked_for_in_the_steps_of_the_fit(
         (3, 2, [3]),  # by all threads, in segments where there are such
         (5, 2, [5]),
         (11, 2, [8, 3]),  # beside the eight of the other thread
-        (19, 2, [8, 8, 2, 1]),
+        (18, 2, [8, 8, 1, 1]),
+        (19, 2, [8, 8, 3]),  # which cost less in a block than two by themselves
         (19, 3, [8, 8, 3]),
     ],
 )
