@@ -56,4 +56,6 @@ def _over_first_part(base: Fit) -> Fit | None:
     if base.sane is not None:
         sane = fit_there(likelihood, base.unknowns, base.sane.z, base.sane.jacobian[numbers])
         return replace(there, sane=sane)
-    return fit(likelihood, base.unknowns, base.z, plan=FitPlan(LAST_STEPS, enough=ROUGH), goes_on=there)
+    return fit(
+        likelihood, base.unknowns, base.z, plan=FitPlan(LAST_STEPS, enough=ROUGH), goes_on=there, takes_columns=True
+    )

@@ -118,6 +118,7 @@ def fit(
     plan: FitPlan | None = None,
     nuisance_columns: Slopes | None = None,
     goes_on: Fit | None = None,
+    takes_columns: bool = False,
 ) -> Fit:
     """The most probable unknowns next to a start.
 
@@ -126,6 +127,7 @@ def fit(
     nuisance_columns : (n_number, n_nuisance) known from a neighbouring fit; None: they are computed
     goes_on : a fit of this likelihood and these unknowns that has ended at the start, with its columns; None: there is
         none, and what it knows is computed
+    takes_columns : whether that fit's columns become those of this one, and are its own no more: they are large
 
     Raises
     ------
@@ -139,6 +141,7 @@ def fit(
     start_slopes: Starts = ()
     rounds = _trials(likelihood, how)
     begun = goes_on
+    free = begun if takes_columns else None  # a fit whose columns nothing else looks at
     for n, trials in enumerate(rounds, 1):
         posterior = _FitPosterior(likelihood, unknowns, how, start_slopes if begun is None else begun.start_slopes)
         first = posterior.at(z) if begun is None else _point_of(begun)
@@ -148,6 +151,8 @@ def fit(
         known = nuisance_columns
         if begun is not None:
             known, stale = None if how.fresh_begin and begun.stale else begun.jacobian, begun.stale
+        if free is not None:
+            posterior.takes(free.columns)
         model = posterior.linearised(first, known, stale=stale)
         noise = likelihood.nats_of_noise(unknowns, z) if how.share else 0.0
         if sane is None and posterior.heat > 1.0:
@@ -166,6 +171,7 @@ def fit(
         found = replace(found, stuck=not end.steps and end.ending == "no more steps" and trials >= STUCK)
         if sane is not None and not beyond_sanity(unknowns, point.z):
             sane = found
+        free = None if sane is found else found
         if found.log_evidence > how.until:
             break
         begun = None
@@ -394,12 +400,18 @@ class _FitPosterior:
             neighbour.move_to(point)
         return self._model(point, 0 if neighbour is None else self.unknowns.n_nuisance, stale=neighbour is not None)
 
+    def takes(self, columns: Columns) -> None:
+        """Takes what columns of these unknowns hold for its own models', and leaves them empty."""
+        if columns.values is not None:
+            self._jacobian, columns.values = columns.values, None
+
     def linearised(self, point: _FitPoint, columns: Slopes | None, *, stale: bool = True) -> _FitModel:
         """The first model, at a point, with columns that are known, those of the nuisances or all, and may be `stale`;
         the others are computed."""
-        self._jacobian = np.empty((point.residual.size, point.z.size), dtype=np.float32)
+        if self._jacobian.shape != (point.residual.size, point.z.size):
+            self._jacobian = np.empty((point.residual.size, point.z.size), dtype=np.float32)
         known = 0 if columns is None else columns.shape[1]
-        if columns is not None:
+        if columns is not None and not np.may_share_memory(columns, self._jacobian):
             self._jacobian[:, :known] = columns
         return self._model(point, known, stale=stale and columns is not None)
 

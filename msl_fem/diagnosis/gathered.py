@@ -160,13 +160,13 @@ def _answer(waiting: list[_Asked]) -> None:
     unknowns = replace(waiting[0].points.unknowns, effects=(), fixed=())
     rows = np.concatenate([asked.points.rows[:, : unknowns.size] for asked in waiting])
     effects = np.concatenate([_effects(asked.points) for asked in waiting])
-    fine = np.concatenate([asked.points.wants_fine for asked in waiting])
+    times = np.concatenate([asked.points.wanted for asked in waiting])
     starts = None
     if any(asked.points.starts is not None for asked in waiting):
         each = [asked.points.starts or asked.problem.starts(len(asked.points.rows)) for asked in waiting]
         starts = tuple(np.concatenate(own) for own in zip(*each, strict=True))
     try:
-        found = waiting[0].simulated(Points(unknowns, rows, effects, fine, starts))
+        found = waiting[0].simulated(Points(unknowns, rows, effects, times, starts))
     except BaseException as err:
         for asked in waiting:
             asked.error = err

@@ -225,7 +225,7 @@ class Likelihood:
 
     Attributes
     ----------
-    substeps : Runge-Kutta steps a sample
+    substeps : Runge-Kutta steps a sample, where they are fine
     strict : whether the noise has a ceiling in every octave
     gathered : where simulations meet with those of other fits; None: they are run at once
     """
@@ -235,6 +235,10 @@ class Likelihood:
     substeps: int
     strict: bool = field(default=False, kw_only=True)
     gathered: GatheredRuns | None = field(default=None, kw_only=True)
+
+    def steps(self, times: int) -> int:
+        """Runge-Kutta steps a sample of models that want so many times the coarse ones."""
+        return self.problem.steps(self.substeps, times)
 
     def spectra(self, points: Points) -> Array:
         """Residuals in the frequency domain over their white sigma, (n_row, n_number); nan of a failed run."""

@@ -87,7 +87,7 @@ def dependences(
     """
     run, problem = likelihood.problem.runs[0], likelihood.problem
     plant = plant_of_run(belief, run)
-    plant = replace(plant, substeps=problem.steps(plant.substeps, fine=fit.unknowns.fine_steps))
+    plant = replace(plant, substeps=problem.steps(plant.substeps, fit.unknowns.times_steps))
     trajectory = _Trajectory(plant, run, likelihood.problem.cut(0))
     if not np.isfinite(trajectory.out).all():
         return []

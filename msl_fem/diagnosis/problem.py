@@ -13,11 +13,12 @@ from msl_fem.diagnosis.table_error import TableErrorModes
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
 from msl_fem.plant import Surface
-from msl_fem.plant.effects import PARAMETER_INDEX, neutral_vector
+from msl_fem.plant.effects import FINE, PARAMETER_INDEX, neutral_vector
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_block import FEW, Lanes, LaneSettings
 from msl_fem.plant.lane_run import LaneRun, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
+from msl_fem.plant.poles import FAST
 from msl_fem.plant.segments import lasts
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
@@ -45,8 +46,8 @@ class FitProblem:
     threads : for the simulations of many rows
     stretches : of each run; None of a run that is followed from its start to its end. Empty: all are
     tolerance : of the instruments' zeros, by which starts may be off beside the noise
-    coarse : steps a sample of rows that do not want fine ones, the current loop in closed form (`plant.fast_loop`);
-        None: all have the same
+    coarse : steps a sample of rows that want no more, the current loop in closed form (`plant.fast_loop`); None: all
+        have the same
     """
 
     plant: KernelPlant
@@ -73,9 +74,14 @@ class FitProblem:
         """The stretches of a run, None of one that is followed as a whole."""
         return self.cuts[run]
 
-    def steps(self, substeps: int, *, fine: bool) -> int:
-        """Steps a sample with which models are simulated of which one wants fine steps or none does."""
-        return substeps if fine or self.coarse is None else min(self.coarse, substeps)
+    def steps(self, substeps: int, times: int) -> int:
+        """Steps a sample of models that want so many times the coarse ones: the fine ones, where there are no others or
+        where with so many the loop is not known in closed form."""
+        wanted = substeps if self.coarse is None else self.coarse * times
+        if wanted >= substeps:
+            return substeps
+        closed = times == 1 or self.plant.parameters.bandwidth > FAST * self.plant.rate * wanted
+        return wanted if closed else substeps
 
     def start_unit(self, run: int) -> Array:
         """(n_start,) one sigma of the prior of a start: position, velocity, currents that cannot jump."""
@@ -135,28 +141,28 @@ Starts = tuple[Array, ...]
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Values of the unknowns, (n_row, unknowns.size), and the effects that go with them, (n_row, N_PARAMETER); `fine`
-    says which rows want fine steps, (n_row,), None: all; `starts` where each row's stretches begin, None: those of the
-    problem."""
+    """Values of the unknowns, (n_row, unknowns.size), and the effects that go with them, (n_row, N_PARAMETER); `times`
+    says how many times the coarse steps each row wants, (n_row,), None: fine ones; `starts` where each row's stretches
+    begin, None: those of the problem."""
 
     unknowns: Unknowns
     rows: Array
     effects: Array | None
-    fine: NDArray[np.bool_] | None = None
+    times: NDArray[np.intp] | None = None
     starts: Starts | None = None
 
     @classmethod
     def of(cls, unknowns: Unknowns, rows: Array, starts: Starts | None = None) -> "Points":
-        """With the effects that the rows say, from the starts of one row. What wants fine steps does so at nothing too,
+        """With the effects that the rows say, from the starts of one row. What wants more steps does so at nothing too,
         or differences would be of different steps."""
         effects = None if unknowns.plain else np.array([unknowns.effect_vector(z) for z in rows])
         every = None if starts is None else tuple(np.broadcast_to(own, (len(rows), *own.shape[1:])) for own in starts)
-        return cls(unknowns, rows, effects, np.full(len(rows), unknowns.fine_steps), every)
+        return cls(unknowns, rows, effects, np.full(len(rows), unknowns.times_steps), every)
 
     @property
-    def wants_fine(self) -> NDArray[np.bool_]:
-        """(n_row,) which rows want fine steps."""
-        return np.ones(len(self.rows), dtype=bool) if self.fine is None else self.fine
+    def wanted(self) -> NDArray[np.intp]:
+        """(n_row,) how many times the coarse steps each row wants."""
+        return np.full(len(self.rows), FINE) if self.times is None else self.times
 
     def each(self) -> Iterator[tuple[Array, Array]]:
         """Row by row, the unknowns and the effects."""
@@ -167,7 +173,7 @@ class Points:
     def only(self, rows: slice | NDArray[np.intp]) -> "Points":
         effects = None if self.effects is None else self.effects[rows]
         starts = None if self.starts is None else tuple(own[rows] for own in self.starts)
-        return Points(self.unknowns, self.rows[rows], effects, self.wants_fine[rows], starts)
+        return Points(self.unknowns, self.rows[rows], effects, self.wanted[rows], starts)
 
 
 def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[list[Array]]:
@@ -181,14 +187,14 @@ def batches(
     """The rows in groups of equal steps, each of as many runs as the kernel advances at a time: what bounds the memory.
     Rows that it sees as alike, since what instruments read alone differs, are in one group. A few runs left over of
     several groups are shared among threads that have nothing else to do."""
-    fine = points.wants_fine | (problem.coarse is None)
+    every = np.array([problem.steps(substeps, int(times)) for times in points.wanted])
     found = []
-    for rows in filter(len, (np.flatnonzero(~fine), np.flatnonzero(fine))):
+    for steps in np.unique(every):
+        rows = np.flatnonzero(every == steps)
         own = points.only(rows)
         try:
             surface, plants, settings = _lane_settings(problem, own, run)
-            steps = problem.steps(substeps, fine=bool(own.wants_fine.any()))
-            place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=steps, settings=settings)
+            place = told_apart(surface, plants, rate=problem.runs[run].rate, substeps=int(steps), settings=settings)
         except InputError:  # see `simulated_in_parts`
             place = np.arange(len(rows))
         whole, over = divmod(int(place.max()) + 1, LANES)
@@ -246,7 +252,7 @@ def lanes(
     """The runs of all rows under some inputs, from the starts that the rows say, or of stretches; `own` are stretches
     in place of the problem's, with starts (n_row, n_stretch, 4)."""
     surface, plants, settings = _lane_settings(problem, points, run, own)
-    steps = problem.steps(substeps, fine=bool(points.wants_fine.any()))
+    steps = problem.steps(substeps, int(points.wanted.max()))
     return run_lanes(surface, plants, inputs, substeps=steps, settings=settings)
 
 
@@ -254,7 +260,7 @@ def follows_from_before(problem: FitProblem, points: Points, run: int, *, subste
     """Whether a stretch follows from what those before have done to the model, as with a second mass: they are then
     neither better nor worse by themselves."""
     surface, plants, settings = _lane_settings(problem, points, run, own)
-    steps = problem.steps(substeps, fine=bool(points.wants_fine.any()))
+    steps = problem.steps(substeps, int(points.wanted.max()))
     one = Lanes(surface, plants, Inputs(np.zeros((1, 2)), problem.runs[run].rate), steps, settings)
     return any(lasts(effects) for _, effects in one.begun)
 

@@ -574,7 +574,7 @@ class Refinement:
         unknowns = extended(self.base.unknowns, variant)
         likelihood = near.likelihood.gathering(gathered_here())
         goes_on = near if z is near.z and near.columns.values is not None else None
-        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns, goes_on=goes_on)
+        found = fit(likelihood, unknowns, z, plan=plan, nuisance_columns=columns, goes_on=goes_on, takes_columns=True)
         own = near.likelihood if found.likelihood is likelihood else found.likelihood.gathering(None)
         found = replace(found, likelihood=own)
         self.memory.ended(fit_name(self.base.unknowns, variant.name), found.z)

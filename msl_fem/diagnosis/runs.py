@@ -401,7 +401,7 @@ def _alike_in_coarse_steps(likelihood: Likelihood, unknowns: Unknowns, z: Array)
     if likelihood.problem.coarse is None:
         return True
     points = Points.of(unknowns, z[None])
-    every = replace(points, fine=None)
+    every = replace(points, times=None)
     finer = replace(likelihood, substeps=FINER * likelihood.substeps).spectra(every)
     off = np.sum((likelihood.spectra(points) - finer) ** 2) / 2
     return bool(off <= ALIKE or off <= COMPARABLE * np.sum((likelihood.spectra(every) - finer) ** 2) / 2)
@@ -418,15 +418,15 @@ def _simulated_missed(
 ) -> Mapping[str, Array]:
     """Channel to (n_sample,) measured less simulated: from a measured start, or over stretches with starts that suit
     the model, next to theirs where these are `settled`; in coarse steps where there are such and no effect of it wants
-    others."""
+    more."""
     plant = plant_of_run(model, run)
     if cut is None:
         readings = free_run(plant, run, measured_start(plant, run)).readings
         missed = {name: run.measured[name] - readings[name] for name in run.measured}
         return missed | {name: bridged(missed[name], at) for name, at in run.left_out.items()}
-    if Unknowns((), 0, (), fixed=fixed_of(model), slow=slow_turns(plant, coarse)).fine_steps:
-        coarse = None
     problem = FitProblem(plant, (run,), (), (), None, tolerance=tolerance, coarse=coarse)
+    times = Unknowns((), 0, (), fixed=fixed_of(model), slow=slow_turns(plant, coarse)).times_steps
+    problem = replace(problem, coarse=problem.steps(plant.substeps, times))
     shot = Shooting(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )

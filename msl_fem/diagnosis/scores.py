@@ -137,13 +137,14 @@ class AmountColumns:
 
     def of(self, found: Fit, amounts: Sequence[Amount]) -> Slopes:
         """The columns of amounts, not weighted; those of which there are none are simulated at the fit."""
-        raw: Slopes = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # by columns, as simulated ones
         new = [n for n, amount in enumerate(amounts) if amount not in self.places]
+        simulated = signatures(found, [amounts[n] for n in new]) if new else None
+        raw: Slopes = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # by columns, as simulated ones
         for n, amount in enumerate(amounts):  # one after the other: together they are as large as all Jacobians
             if amount in self.places:
                 raw[:, n] = self.weighted[:, self.places[amount]] / self.root
-        if new:
-            raw[:, new] = signatures(found, [amounts[n] for n in new])
+        if simulated is not None:
+            raw[:, new] = simulated
         return raw
 
 
@@ -208,24 +209,28 @@ def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
     """(n_number, n_amount) slopes of the residual over each amount at nothing, around its shapes; nan where there is
     none. With all amounts at nothing shapes change nothing. Differences are of equal steps."""
     effects = np.tile(found.unknowns.effect_vector(found.z), (len(amounts) + 1, 1))
-    fine = np.full(len(effects), True)
+    times = np.full(len(effects), found.unknowns.times_steps)
     for n, (one, shapes) in enumerate(amounts, 1):  # behind the fit as it is
         for shape in shapes:
             effects[n, shape.place] = shape.centre
         effects[n, one.place] = one.value(np.array(STEP_OF_AMOUNTS))
         centres = {(shape.effect, shape.name): shape.centre for shape in shapes}
-        fine[n] = found.unknowns.fine_steps or found.unknowns.wants_fine(one.effect, centres)
-    points = Points(found.unknowns, np.tile(found.z, (len(effects), 1)), effects, fine)
+        times[n] = max(times[0], found.unknowns.times_steps_of(one.effect, one.name, centres))
+    points = Points(found.unknowns, np.tile(found.z, (len(effects), 1)), effects, times)
     columns = np.empty((len(amounts), found.residual.size), dtype=np.float32)
-    in_fine_steps = found.residual
-    rows = np.append(0, 1 + np.argsort(fine[1:], kind="stable"))  # those of equal steps run together
-    for at in range(0, rows.size, AT_ONCE):
-        own = rows[at : at + AT_ONCE]
-        moved = found.likelihood.spectra(points.only(own))
-        if at == 0:
-            in_fine_steps = moved[0].copy()
-        for n, one in zip(own, moved, strict=True):
-            if n:
-                columns[n - 1] = (one - (in_fine_steps if fine[n] else found.residual)) / STEP_OF_AMOUNTS
-        del moved
+    steps = np.array([found.likelihood.steps(int(one)) for one in times])
+    for equal in np.unique(steps[1:]):
+        rows, base = 1 + np.flatnonzero(steps[1:] == equal), found.residual
+        alike = replace(points, times=np.full(times.size, times[rows].max()))
+        if equal != steps[0]:
+            rows = np.append(0, rows)  # the fit as it is, among them
+        for at in range(0, rows.size, AT_ONCE):
+            own = rows[at : at + AT_ONCE]
+            moved = found.likelihood.spectra(alike.only(own))
+            if own[0] == 0:
+                base = moved[0].copy()
+            for n, one in zip(own, moved, strict=True):
+                if n:
+                    columns[n - 1] = (one - base) / STEP_OF_AMOUNTS
+            del moved
     return columns.T

@@ -138,9 +138,11 @@ def scored_where_likely(base: Fit, tried: Sequence[Variant], near: AmountColumns
         return scored(base.sane or base, tried)
     roughly = scored(base, tried, near=near)
     assert roughly.columns is not None
+    simulated = roughly.columns.without(near)
+    roughly = replace(roughly, columns=None)
     best = dict.fromkeys(score.variant.effect for score in roughly.scores)
     likely = {*list(best)[:LIKELY], *COMPENSATED}
-    exact = scored(base, _of_effects(likely, tried), null=False, near=roughly.columns.without(near))
+    exact = scored(base, _of_effects(likely, tried), null=False, near=simulated)
     others = [score for score in roughly.scores if score.variant.effect not in likely]
     scores = sorted([*exact.scores, *others], key=lambda score: -score.gain)
     dropped = dict.fromkeys((*exact.dropped, *roughly.dropped))

@@ -12,6 +12,7 @@ from msl_fem.diagnosis.stretches import Stretches, moved
 LOST = 1e6  # times the noise, that stand for a stretch that left table or range
 FAR_MORE = 2.0  # times what another start leaves over a stretch, with which one has lost its way
 SETTLED = 2e-3  # moves of the starts, in units of their prior, that are none
+FALLS = 0.5  # of what was left, below which what is tried is better whatever single stretches say
 LITTLE, MOST_IDLE = 1.0, 2  # squares that moves bring, all stretches together, and how often in a row they may
 NEAR_BY = 0.3  # moves of the starts behind which slopes are those before
 
@@ -92,6 +93,11 @@ class StartRefinement:
                 self._part[self._hopeless(found.cut)] = 0.0
             return
         better = found.costs < before.costs
+        if not self._by_themselves and found.total < FALLS * before.total:
+            self._kept = found
+            self._part[self._part > 0.0] = 1.0
+            self._idle = 0
+            return
         self._part = np.where(better & (self._part > 0.0), 1.0, self._part / 2)
         self._kept = before.or_better(found)
         if better.any() and not better.all() and not self._by_themselves:

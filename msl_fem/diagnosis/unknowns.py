@@ -169,18 +169,21 @@ class Unknowns:
         return not self.effects and not self.fixed
 
     @property
-    def fine_steps(self) -> bool:
-        """Whether an effect that is searched for or believed wants fine steps."""
+    def times_steps(self) -> int:
+        """Times as many steps as coarse ones that the effects want which are searched for or believed."""
         fixed = dict(self.fixed)
         believed = {(effect, name): fixed[at] for (effect, name), at in PARAMETER_INDEX.items() if at in fixed}
         shapes = believed | {(one.effect, one.name): one.centre for one in self.effects if one.width}
-        effects = {effect for effect, _ in believed} | {one.effect for one in self.effects}
-        return any(self.wants_fine(effect, shapes) for effect in effects)
+        amounts = [*believed, *((one.effect, one.name) for one in self.effects if not one.width)]
+        return max((self.times_steps_of(*amount, shapes) for amount in amounts), default=1)
 
-    def wants_fine(self, effect: str, shapes: Mapping[tuple[str, str], float]) -> bool:
-        """Whether an effect does, by the centres of shapes, (effect, name) to SI value."""
+    def times_steps_of(self, effect: str, name: str, shapes: Mapping[tuple[str, str], float]) -> int:
+        """The same of an amount, by the centres of shapes, (effect, name) to SI value."""
         entry = CATALOGUE[effect]
-        return entry.fine_steps and not shapes.get((effect, entry.turns), np.inf) <= self.slow
+        if name in entry.coarse:
+            return 1
+        turns = shapes.get((effect, entry.turns), np.inf)
+        return int(np.ceil(turns / self.slow)) if turns < entry.steps * self.slow else entry.steps
 
     @property
     def amounts(self) -> NDArray[np.intp]:

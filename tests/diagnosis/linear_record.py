@@ -28,6 +28,9 @@ class LinearRecord:
     is_cut, begins, threads, threads_here = False, (), 1, 1
     strict = False
 
+    def steps(self, times: int) -> int:
+        return 1
+
     def gathering(self, runs: GatheredRuns | None) -> "LinearRecord":
         return self
 

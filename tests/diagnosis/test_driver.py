@@ -37,6 +37,9 @@ class LinearRecord:
         self.labels, self.ceilings = np.zeros(N, dtype=np.intp), np.array([np.inf])
         self.problem = SimpleNamespace(plant=SimpleNamespace(parameters=None), schedules=())
 
+    def steps(self, times: int) -> int:
+        return 1
+
     def spectra(self, points: Points) -> np.ndarray:
         rows = []
         for n, z in enumerate(points.rows):

@@ -208,7 +208,7 @@ def test_simulations_of_candidates_are_asked_for_where_those_of_all_meet(monkeyp
     monkeypatch.setattr(LinearRecord, "gathering", gathering)
     monkeypatch.setattr(Refinement, "_together", alone_before)
     search_stage(base, variants, tell=str)
-    assert apart[0] == 3, "what all candidates bring in the linear model"
+    assert apart[0] == 2, "what all candidates bring in the linear model"
     assert len(met) > 3
 
 

@@ -85,7 +85,7 @@ def test_what_is_kept_leaves_what_it_is_said_to_leave(shot: Shooting) -> None:
 def test_a_model_is_judged_from_starts_found_over_shorter_stretches() -> None:
     """Where those of another model lead nowhere."""
     shot = shooting(mode(20.0), length=128)
-    aside = stretches(shot, 128, by=ASIDE)
+    aside = stretches(shot, 128, by=4 * ASIDE)
     assert over_noise(shot, shot.missed(shot.refined(aside, LONG))) > 10.0
     assert over_noise(shot, shot.followed(aside)) == pytest.approx(1.0, abs=0.05)
 
@@ -94,6 +94,19 @@ def test_stretches_of_a_model_whose_sensor_has_a_gain_begin_where_it_reads_them(
     shot = shooting(GAIN)
     first = shot.data.measured["position_m"] - shot.missed(stretches(shot))["position_m"]
     assert np.allclose(first[::192], stretches(shot).starts[:, 2], atol=1e-9)
+
+
+@pytest.mark.parametrize(("by_themselves", "kept"), [(False, [1.0, 1.0, 1.0]), (True, [0.0, 1.0, 1.0])])
+def test_starts_that_leave_far_less_together_are_kept_as_they_are(by_themselves: bool, kept: list[float]) -> None:
+    """Where a stretch follows from those before, without a simulation of the better ones of each."""
+    begins, lengths = np.array([0, 20, 50]), [20, 30, 40]
+    cut = Stretches(begins, np.zeros((3, 4)), np.zeros((1, 2, 90)))
+    one = StartRefinement(cut, np.ones(2), by_themselves=by_themselves)
+    one.take([np.repeat([1.0, 9.0, 9.0], lengths)], cut.slopes)
+    one.cut = replace(cut, starts=np.ones((3, 4)))
+    one.take([np.repeat([2.0, 3.0, 4.0], lengths)], cut.slopes)
+    assert not one.mixed
+    assert one.best.starts[:, 2].tolist() == kept
 
 
 @pytest.mark.parametrize(("outside", "kept"), [(False, 0), (True, 2)])

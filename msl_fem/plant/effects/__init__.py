@@ -18,7 +18,7 @@ from msl_fem.computing.laws import LawExpression
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import expressions, thermal
 from msl_fem.plant.effects.electrical import ELECTRICAL, check_delay
-from msl_fem.plant.effects.entry import DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
+from msl_fem.plant.effects.entry import FINE, DesignChange, Effect, KernelSetting, MoverMotion, Parameter, Part, Values
 from msl_fem.plant.effects.magnetic import MAGNETIC
 from msl_fem.plant.effects.mechanical import MECHANICAL
 from msl_fem.plant.effects.sensing import SENSING
@@ -28,6 +28,7 @@ from msl_fem.plant.plant import PlantParameters
 
 __all__ = [
     "CATALOGUE",
+    "FINE",
     "LAGGING",
     "N_COEFFICIENT",
     "PARAMETER_INDEX",

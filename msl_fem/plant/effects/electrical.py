@@ -7,6 +7,7 @@ from msl_fem.computing.lanes import RowLayout
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import stray_flux
 from msl_fem.plant.effects.entry import (
+    FINE,
     NO_MAGNETS,
     NOT_AT_REST,
     DesignChange,
@@ -232,7 +233,8 @@ ELECTRICAL = (
         advice="measure the step response of the drive with the mover locked; check its voltage limit",
         sets=(("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
         deviation_of={"time_delay": 0.1, "eddy_currents": 0.1, "magnetic_hysteresis": 0.14, "early_saturation": 0.05},
-        fine_steps=True,
+        steps=FINE,
+        coarse=("bandwidth_error",),
     ),
     Effect(
         name="drive_limit",

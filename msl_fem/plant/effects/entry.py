@@ -8,6 +8,10 @@ from msl_fem.computing.arrays import Array
 from msl_fem.plant.effects.mechanisms import NEVER
 from msl_fem.plant.plant import PlantParameters
 
+FINE = 1000
+"""Times the steps that do where a current loop is known in closed form, that stand for those by which it is integrated,
+however many these are."""
+
 Group = Literal["magnetic", "electrical", "mechanical", "sensing and timing"]
 Need = Literal["magnets", "two sides", "drive lag"]
 Scale = Literal["", "own_frequency", "position", "velocity", "current", "peak", "command", "lines", "loops"]
@@ -198,10 +202,10 @@ class Effect:
         "": it acts alike in every run
     deviation_of : effects from whose form a real one deviates as if a little of this one were there, and the share of
         what they bring up to which it is no cause of its own
-    fine_steps : whether it wants the steps by which a current loop is integrated, where without it the loop is known in
-        closed form: it changes how the loop settles or when its target comes, or moves as fast
-    turns : the shape that says how often a second it does (Hz), "": it has none; where that is slow against a step it
-        does without fine ones
+    steps : times as many a sample as do where a current loop is known in closed form, that it wants; `FINE`: those by
+        which such a loop is integrated, since it changes when the loop's target comes, or moves as fast
+    coarse : amounts that do without more
+    turns : the shape that says how often a second it does (Hz), "": it has none; it wants the more steps the faster
     """
 
     name: str
@@ -222,7 +226,8 @@ class Effect:
     separating: str = ""
     wanders: str = ""
     deviation_of: Mapping[str, float] = field(default_factory=dict)
-    fine_steps: bool = False
+    steps: int = 1
+    coarse: tuple[str, ...] = ()
     turns: str = ""
 
     def parameter(self, name: str) -> Parameter:

@@ -23,6 +23,7 @@ from msl_fem.computing.laws.source import Places, made, sum_of_laws
 from msl_fem.errors import InputError
 from msl_fem.plant.effects import sensing
 from msl_fem.plant.effects.entry import (
+    FINE,
     DesignChange,
     Effect,
     Group,
@@ -75,7 +76,7 @@ def effect_of(expression: LawExpression) -> Effect:
         believe=_believe(expression) if believed else None,
         needed_force=_needed_force(expression) if of_force and undone else None,
         needs=_needs(expression),
-        fine_steps=True,
+        steps=FINE,
     )
 
 

@@ -386,7 +386,7 @@ MAGNETIC = (
         static=NOT_AT_REST,
         advice="look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
         deviation_of={"time_delay": 0.1, "amplifier_bandwidth": 0.1, "magnetic_hysteresis": 0.14},
-        fine_steps=True,
+        steps=2,
     ),
     Effect(
         name="cross_coupling",

@@ -9,6 +9,7 @@ from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import RowLayout
 from msl_fem.plant.effects import electrical
 from msl_fem.plant.effects.entry import (
+    FINE,
     NO_MAGNETS,
     NOT_AT_REST,
     DesignChange,
@@ -310,7 +311,7 @@ MECHANICAL = (
         advice="tap the mover with the coils open; stiffen what resonates, keep the loop's bandwidth below it",
         sets=(("mass_share",), ("mass_share", "load_reading")),
         deviation_of={"position_sensor_crosstalk": 0.02},
-        fine_steps=True,
+        steps=FINE,
         turns="frequency",
     ),
     Effect(

@@ -9,6 +9,7 @@ from msl_fem.computing.lanes import RowLayout
 from msl_fem.plant.effects import mechanical
 from msl_fem.plant.effects.electrical import believed_command_path, command_path
 from msl_fem.plant.effects.entry import (
+    FINE,
     NO_MAGNETS,
     NOT_AT_REST,
     Effect,
@@ -195,7 +196,8 @@ SENSING = (
         advice="check the time stamps of the channels and the cycles between computing and acting",
         sets=(("command",), ("position",), ("current",), ("position", "current")),
         deviation_of={"amplifier_bandwidth": 0.1, "eddy_currents": 0.1, "position_sensor_lag": 0.1},
-        fine_steps=True,
+        steps=FINE,
+        coarse=("position",),
     ),
     Effect(
         name="periodic_disturbance",
