@@ -466,7 +466,10 @@ class Likelihood:
         """(unknowns.size,) of the unknowns at a fit, or (n,) of sums of them with weights `along` (n, unknowns.size): a
         95 % interval is 1.96 of them to either side."""
         along = np.eye(found.z.size) if along is None else along
-        return np.asarray(np.sqrt(np.sum(along @ np.linalg.inv(found.precision) * along, axis=1)))
+        precision = found.precision
+        unit = 1.0 / np.sqrt(np.diag(precision))  # a fit that is lost tells some 1e16 times more of one than of another
+        told, ways = np.linalg.eigh(unit[:, None] * precision * unit)
+        return np.asarray(np.sqrt(((along * unit @ ways) ** 2 / np.maximum(told, np.finfo(float).eps)).sum(axis=1)))
 
     def above_noise(self, found: Fit) -> list[str]:
         """In which octaves what is left is more than an instrument's noise can be, also of a louder one, in words."""

@@ -1,12 +1,14 @@
 """What a fit tells of the believed parameters."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from msl_fem.actuator import Actuator
 from msl_fem.diagnosis.estimates import believed_estimates, extended_belief
+from msl_fem.diagnosis.likelihood import Likelihood
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.plant.effects import EffectValues
 from msl_fem.prediction import ModelHypothesis
@@ -38,3 +40,18 @@ def test_a_gain_that_no_sensor_has_is_held_at_what_one_may_have(
     model = extended_belief(ModelHypothesis(servo, table, None), problem, found)
     assert model.effects is not None
     assert model.effects.get("position_sensor_nonlinearity", "gain_error") == pytest.approx(error, abs=1e-3)
+
+
+def test_standard_errors_are_those_of_the_inverse_and_finite_where_that_has_no_digits_left() -> None:
+    column = np.random.default_rng(1).standard_normal((50, 3))
+    precision = column.T @ column + np.eye(3)
+    found: Any = SimpleNamespace(z=np.zeros(3), precision=precision)
+    errors = Likelihood.standard_errors(None, found)  # type: ignore[arg-type]
+    assert errors == pytest.approx(np.sqrt(np.diag(np.linalg.inv(precision))), rel=1e-10)
+    along = np.array([[1.0, -2.0, 0.5]])
+    exact = np.sqrt(along @ np.linalg.inv(precision) @ along.T)[0]
+    assert Likelihood.standard_errors(None, found, along) == pytest.approx(exact, rel=1e-10)  # type: ignore[arg-type]
+    turned = np.linalg.qr(column[:3])[0]
+    lost: Any = SimpleNamespace(z=np.zeros(3), precision=turned @ np.diag([1e17, 1.0, -4.0]) @ turned.T)
+    assert not np.all(np.diag(np.linalg.inv(lost.precision)) > 0.0)
+    assert np.all(np.isfinite(Likelihood.standard_errors(None, lost)))  # type: ignore[arg-type]
