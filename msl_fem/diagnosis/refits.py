@@ -61,7 +61,7 @@ FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the
 LED = 1e-4  # the same of the one that leads, `ROUGH` at most
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
-WITH_COLUMNS = 5
+WITH_COLUMNS = 3
 """Candidates over stretches that keep their Jacobians, the best: each is as large as that of the fit beside which they
 are, and those behind seldom go on."""
 AT_ONCE = 3
