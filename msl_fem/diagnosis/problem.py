@@ -18,11 +18,10 @@ from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_block import FEW, Lanes, LaneSettings
 from msl_fem.plant.lane_run import LaneRun, run_lanes, told_apart
 from msl_fem.plant.plant import PlantParameters
-from msl_fem.plant.poles import FAST
 from msl_fem.plant.segments import lasts
 from msl_fem.prediction import KernelPlant, RunData, Start
 from msl_fem.prediction.free_run import counted, start_sigmas
-from msl_fem.prediction.hypothesis import plant_in_run, times_factors, with_factors
+from msl_fem.prediction.hypothesis import is_closed_form, plant_in_run, times_factors, with_factors
 from msl_fem.prediction.nuisances import line_of, together
 from msl_fem.prediction.run_data import POSITION_COLUMN, VELOCITY_COLUMN
 from msl_fem.prediction.scheduling import Schedule
@@ -78,10 +77,9 @@ class FitProblem:
         """Steps a sample of models that want so many times the coarse ones: the fine ones, where there are no others or
         where with so many the loop is not known in closed form."""
         wanted = substeps if self.coarse is None else self.coarse * times
-        if wanted >= substeps:
+        if wanted >= substeps or (times > 1 and not is_closed_form(self.plant, wanted)):
             return substeps
-        closed = times == 1 or self.plant.parameters.bandwidth > FAST * self.plant.rate * wanted
-        return wanted if closed else substeps
+        return wanted
 
     def start_unit(self, run: int) -> Array:
         """(n_start,) one sigma of the prior of a start: position, velocity, currents that cannot jump."""

@@ -92,12 +92,12 @@ class StartRefinement:
             if self._hopeless is not None:
                 self._part[self._hopeless(found.cut)] = 0.0
             return
-        better = found.costs < before.costs
         if not self._by_themselves and found.total < FALLS * before.total:
             self._kept = found
             self._part[self._part > 0.0] = 1.0
             self._idle = 0
             return
+        better = found.costs < before.costs
         self._part = np.where(better & (self._part > 0.0), 1.0, self._part / 2)
         self._kept = before.or_better(found)
         if better.any() and not better.all() and not self._by_themselves:

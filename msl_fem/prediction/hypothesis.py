@@ -188,7 +188,12 @@ def closed_form_steps(plant: KernelPlant, belief: ModelHypothesis) -> int | None
     ideal = p._replace(bandwidth=np.inf)
     steps = default_substeps(ideal, belief.table, rate=rate, effects=belief.effects, largest_step=STEP_OF_FASTEST)
     steps = max(steps, int(np.ceil(p.bandwidth / (LONGEST * rate))))
-    return steps if p.bandwidth > FAST * rate * steps else None
+    return steps if is_closed_form(plant, steps) else None
+
+
+def is_closed_form(plant: KernelPlant, steps: int) -> bool:
+    """Whether a current loop is so fast that it is not integrated in so many steps a sample."""
+    return plant.parameters.bandwidth > FAST * plant.rate * steps
 
 
 def with_factors(p: PlantParameters, factors: Mapping[str, float], *, ideal_current: bool = False) -> PlantParameters:
