@@ -4,6 +4,7 @@ A run is followed from its start to its end, or over stretches with free starts 
 residual beside the starts is what counts. The colour of the noise is estimated together with the fit (`noise`).
 """
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -33,6 +34,7 @@ from msl_fem.diagnosis.problem import (
     simulated_in_parts,
     simulated_residuals,
 )
+from msl_fem.diagnosis.row_loops import put_lines, put_slope
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.stretches import moved
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -69,7 +71,9 @@ def jacobian_columns(
     residual: Array,
 ) -> Array:
     """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
-    return _columns_together(likelihood, unknowns, z, which, residual)[0].T
+    columns = np.empty((which.size, residual.size))
+    _put_columns(columns, likelihood, unknowns, z, which, residual)
+    return columns.T
 
 
 def columns_and_start_slopes(
@@ -88,12 +92,13 @@ def columns_and_start_slopes(
     slopes: list[Starts] = []
     for begin in range(0, which.size, COLUMNS):
         part = slice(begin, begin + COLUMNS)
-        columns[part], own = _columns_together(likelihood, unknowns, z, which[part], residual, starts, nearer)
+        own = _put_columns(columns[part], likelihood, unknowns, z, which[part], residual, starts, nearer)
         slopes.append(own)
     return columns.T, tuple(np.concatenate(own) for own in zip(*slopes, strict=True))
 
 
-def _columns_together(
+def _put_columns(
+    columns: Array | Slopes,
     likelihood: "Likelihood",
     unknowns: Unknowns,
     z: Array,
@@ -101,8 +106,8 @@ def _columns_together(
     residual: Array,
     starts: Starts | None = None,
     nearer: Starts | None = None,
-) -> tuple[Array, Starts]:
-    """(n_which, n_number) some of the columns, one after the other, and what goes with them."""
+) -> Starts:
+    """Sets some of the columns (n_which, n_number), one after the other; returns what goes with them."""
     step = unknowns.steps[which]
     rows = np.tile(z, (which.size, 1))
     rows[np.arange(which.size), which] += step
@@ -115,10 +120,10 @@ def _columns_together(
         for own, other in zip(led, again, strict=True):
             own[failed] = other
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
-    moved -= residual
-    moved /= step[:, None]
+    for column, behind, by in zip(columns, moved, step, strict=True):
+        put_slope(column, behind, residual, by)
     slopes = [np.nan_to_num((a - b) / step[:, None, None]) for a, b in zip(led, nearer or (), strict=False)]
-    return moved, tuple(slopes)
+    return tuple(slopes)
 
 
 def numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts, float]:
@@ -291,23 +296,30 @@ class Likelihood:
 
         def write(part: tuple[NDArray[np.intp], tuple[Points, int, LaneRun | None]]) -> None:
             rows, simulated = part
-            over, moves[rows] = self._over_noise(run, missed(problem, *simulated))
-            found[rows] = self._numbers_of_run(run, over)
+            over = missed(problem, *simulated, over_noise=True)
+            moves[rows] = self._leave_out_starts(run, over)
+            self._put_numbers(found, rows, run, over)
 
         in_threads(fill, groups, threads)
 
-    def transformed(self, found: list[list[Array]]) -> Array:
+    def transformed(self, found: Sequence[Sequence[Array] | Array]) -> Array:
         """Arrays (n_row, n_sample) of every run's channels as `spectra` orders and scales them."""
-        over = [self._over_noise(run, channels)[0] for run, channels in enumerate(found)]
-        return np.concatenate([self._numbers_of_run(run, own) for run, own in enumerate(over)], axis=-1)
+        each = [self._over_noise(run, channels) for run, channels in enumerate(found)]
+        numbers = np.empty((each[0].shape[1], self._labels_of_runs.size))
+        for run, (own, over) in enumerate(zip(self._places_of_runs, each, strict=True)):
+            self._put_numbers(numbers[:, own], np.arange(len(numbers)), run, over)
+        return numbers
 
-    def _numbers_of_run(self, run: int, over: list[Array]) -> Array:
-        """A run's residuals over the noise (n_row, n_sample) in the frequency domain, piece by piece."""
-        parts = []
+    def _put_numbers(self, numbers: Array, rows: NDArray[np.intp], run: int, over: Array) -> None:
+        """Puts a run's residuals over the noise (n_channel, n_own, n_sample) in the frequency domain, piece by piece,
+        into n_own rows of its numbers (n_row, n_number)."""
+        n_channel, at = len(over), 0
         for samples, count, lines in self._alike[run]:
-            each = [transformed(values[:, samples].reshape(len(values), count, -1), lines) for values in over]
-            parts.append(np.concatenate(each, axis=-1).reshape(len(over[0]), -1))
-        return np.concatenate(parts, axis=-1)
+            length, size = (samples.stop - samples.start) // count, 2 * count * n_channel * lines
+            for n, row in enumerate(rows):  # a row at a time: it stays in the cache
+                spectrum = np.fft.rfft(over[:, n : n + 1, samples].reshape(n_channel, 1, count, length))
+                put_lines(numbers[row : row + 1, at : at + size], spectrum, length)
+            at += size
 
     @cached_property
     def _alike(self) -> list[list[tuple[slice, int, int]]]:
@@ -321,16 +333,19 @@ class Likelihood:
                 found[run].append((part, 1, lines))
         return found
 
-    def _over_noise(self, run: int, channels: list[Array]) -> tuple[list[Array], Array]:
-        """Residuals of a run's channels over their noise's sigma, without what starts of stretches account for, and the
-        moves of these (n_row, n_move)."""
-        data, cut = self.problem.runs[run], self.problem.cut(run)
-        names = self.problem.channels(run)
-        over = [values / data.noise[name].sigma for name, values in zip(names, channels, strict=True)]
-        if cut is None:
-            return over, np.zeros((len(over[0]), 0))
-        moves = cut.moves(over)
-        return cut.without_starts(over, moves), moves.reshape(len(moves), -1)
+    def _over_noise(self, run: int, channels: Sequence[Array] | Array) -> Array:
+        """Residuals of a run's channels over their noise's sigma (n_channel, n_row, n_sample), without what starts of
+        stretches account for."""
+        sigmas = [self.problem.runs[run].noise[name].sigma for name in self.problem.channels(run)]
+        over = np.array([values / sigma for values, sigma in zip(channels, sigmas, strict=True)])
+        self._leave_out_starts(run, over)
+        return over
+
+    def _leave_out_starts(self, run: int, over: Array) -> Array:
+        """Takes what starts of stretches account for from a run's residuals over the noise, in place; returns the moves
+        of these (n_row, n_move)."""
+        cut, n_row = self.problem.cut(run), over.shape[1]
+        return np.zeros((n_row, 0)) if cut is None else cut.leave_out_starts(over).reshape(n_row, -1)
 
     def first_part(self) -> tuple["Likelihood", NDArray[np.bool_]]:
         """That of the first stretches alone, of about `SAMPLES` (`FitProblem.first`), and which of the numbers,
@@ -440,13 +455,13 @@ class Likelihood:
         count = (own - self.spent[: own.size]).reshape(len(names), -1).sum(axis=1)
         return float(np.log([loud[name] for name in names]) @ count)
 
-    def _over_and_loudness(self, simulated: list[list[Array]]) -> tuple[dict[str, list[Array]], dict[str, float]]:
+    def _over_and_loudness(self, simulated: list[Array]) -> tuple[dict[str, list[Array]], dict[str, float]]:
         """By channel residuals over the noise's sigma of each run where they count (n_sample,), and the loudness."""
         over: dict[str, list[Array]] = {}
         reads: dict[str, list[NDArray[np.bool_]]] = {}
         for run, channels in enumerate(simulated):
             counts, left_out = self.problem.counts(run), self.problem.runs[run].left_out
-            for name, every in zip(self.problem.channels(run), self._over_noise(run, channels)[0], strict=True):
+            for name, every in zip(self.problem.channels(run), self._over_noise(run, channels), strict=True):
                 read = np.ones(every.shape[1], dtype=bool)
                 read[left_out.get(name, [])] = False
                 over.setdefault(name, []).append(every[0, counts])

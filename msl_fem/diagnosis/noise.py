@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.row_loops import put_lines
 from msl_fem.prediction import RunData
 from msl_fem.prediction.free_run import counted
 
@@ -140,12 +141,9 @@ def _band_of(frequency: Array, edges: Array) -> NDArray[np.intp]:
 
 def transformed(values: Array, n_line: int) -> Array:
     """Real and imaginary parts of the first lines, (..., 2 n_line); of white noise each has its variance."""
-    found = np.fft.rfft(values, axis=-1)[..., :n_line]
-    n = values.shape[-1]
-    parts = np.concatenate([found.real, found.imag], axis=-1) * np.sqrt(2.0 / n)
-    parts[..., 0] /= np.sqrt(2.0)  # the mean has no imaginary part
-    if n_line == n // 2 + 1 and n % 2 == 0:
-        parts[..., n_line - 1] /= np.sqrt(2.0)
+    parts = np.empty((*values.shape[:-1], 2 * n_line))
+    rows = np.ascontiguousarray(values).reshape(1, -1, 1, values.shape[-1])
+    put_lines(parts.reshape(-1, 2 * n_line), np.fft.rfft(rows), values.shape[-1])
     return parts
 
 

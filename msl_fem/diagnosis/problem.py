@@ -1,6 +1,6 @@
 """The runs of a record simulated for many values of the unknowns at once: what is measured less what is simulated."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
+from msl_fem.diagnosis.row_loops import put_missed
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.table_error import TableErrorModes
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -174,8 +175,8 @@ class Points:
         return Points(self.unknowns, self.rows[rows], effects, self.wanted[rows], starts)
 
 
-def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[list[Array]]:
-    """Measured less simulated of every run and channel, (n_row, n_sample) in SI units; nan where a run ended early."""
+def simulated_residuals(problem: FitProblem, points: Points, *, substeps: int) -> list[Array]:
+    """Measured less simulated of every run (n_channel, n_row, n_sample) in SI units; nan where a run ended early."""
     return [residuals_of_run(problem, points, run, substeps=substeps) for run in range(len(problem.runs))]
 
 
@@ -205,10 +206,10 @@ def batches(
     return found
 
 
-def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> list[Array]:
+def residuals_of_run(problem: FitProblem, points: Points, run: int, *, substeps: int) -> Array:
     """`simulated_residuals` of one run."""
     parts = simulated_in_parts(problem, points, run, substeps=substeps)
-    return [np.concatenate(channel) for channel in zip(*(missed(problem, *part) for part in parts), strict=True)]
+    return np.concatenate([missed(problem, *part) for part in parts], axis=1)
 
 
 def simulated_in_parts(
@@ -230,17 +231,22 @@ def simulated_in_parts(
     return [(points.only(rows), run, found.only(rows)) for rows in every]
 
 
-def missed(problem: FitProblem, points: Points, run: int, found: LaneRun | None) -> list[Array]:
-    """Measured less simulated of a run's channels, (n_row, n_sample) in SI units; nan without anything simulated."""
+def missed(problem: FitProblem, points: Points, run: int, found: LaneRun | None, *, over_noise: bool = False) -> Array:
+    """Measured less simulated of a run's channels, (n_channel, n_row, n_sample) in SI units or over the noise's sigma;
+    nan without anything simulated."""
+    names, data = problem.channels(run), problem.runs[run]
+    residuals = np.empty((len(names), len(points.rows), len(data.commands)))
     if found is None:
-        return [np.full((len(points.rows), len(problem.runs[run].commands)), np.nan) for _ in problem.channels(run)]
+        residuals[:] = np.nan
+        return residuals
     factors = [points.unknowns.factors(z) for z in points.rows]
-    data, residuals = problem.runs[run], []
     left_out = data.left_out
-    for name in problem.channels(run):
-        lines = np.array([instrument_line(problem.plant, name, f) for f in factors])
-        values = data.measured[name] - (lines[:, :1] * reading(found, name) + lines[:, 1:])
-        residuals.append(bridged(values, left_out[name]) if name in left_out else values)
+    for name, values in zip(names, residuals, strict=True):
+        unit, read = data.noise[name].sigma if over_noise else 1.0, reading(found, name)
+        for n, f in enumerate(factors):
+            put_missed(values[n], data.measured[name], read[n], *instrument_line(problem.plant, name, f), unit)
+        if name in left_out:
+            values[:] = bridged(values, left_out[name])
     return residuals
 
 
@@ -318,15 +324,14 @@ def instrument_line(plant: KernelPlant, column: str, factors: Mapping[str, float
     return (plant.gain * factors.get("position_gain", 1.0) if column == POSITION_COLUMN else gain), zero
 
 
-def reading(found: LaneRun, channel: str) -> Array:
-    """(n_row, n_sample) of a channel by its column's name, before gain and zero of its instrument."""
+def reading(found: LaneRun, channel: str) -> Sequence[Array]:
+    """(n_sample,) of each row of a channel by its column's name, before gain and zero of its instrument."""
     if channel == POSITION_COLUMN:
-        return found.position
+        return found.as_read("position")
     if channel == VELOCITY_COLUMN:
-        return found.velocity
+        return found.as_read("velocity")
     measured = Channel.of(channel)
-    values = found.voltage if measured.quantity == "voltage" else found.current
-    return values[:, :, measured.index]
+    return found.as_read(measured.quantity, measured.index)
 
 
 def _start(problem: FitProblem, unknowns: Unknowns, z: Array, run: int) -> Array:

@@ -24,6 +24,7 @@ from msl_fem.computing.gauss_newton import normal_equations, summed_over_rows
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
+from msl_fem.diagnosis.row_loops import put_slope
 from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
 from msl_fem.diagnosis.variants import Variant
 
@@ -231,6 +232,6 @@ def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
                 base = moved[0].copy()
             for n, one in zip(own, moved, strict=True):
                 if n:
-                    columns[n - 1] = (one - base) / STEP_OF_AMOUNTS
+                    put_slope(columns[n - 1], one, base, STEP_OF_AMOUNTS)
             del moved
     return columns.T

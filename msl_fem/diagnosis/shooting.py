@@ -133,17 +133,16 @@ class Shooting:
             found = self.refined(replace(longer, starts=starts), LONG)
         return found
 
-    def _between_margins(self, cut: Stretches) -> tuple[list[Array], Array, NDArray[np.bool_]]:
-        """(residuals over the noise, slopes of the starts, (n_stretch,) whether the model stays in table and range over
-        each, from starts to both sides too), all in one block of lanes."""
+    def _between_margins(self, cut: Stretches) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """(residuals over the noise (n_channel, n_sample), slopes of the starts, (n_stretch,) whether the model stays
+        in table and range over each, from starts to both sides too), all in one block of lanes."""
         n = self.sigmas.size
         aside = np.eye(n)[:1] * MARGIN
         moves = np.concatenate([np.zeros((1, n)), STEP * np.eye(n), aside, -aside]) * self.sigmas
         starts = np.array([moved(cut.starts, move) for move in moves])
         over = self._residuals(np.tile(self.spread.z, (len(starts), 1)), replace(cut, starts=starts))
-        slopes = np.array([(values[1 : n + 1] - values[0]) / STEP for values in over])
-        inside = _all(np.isfinite(sum(np.delete(values, np.s_[1 : n + 1], axis=0).sum(axis=0) for values in over)), cut)
-        return [values[0] for values in over], np.nan_to_num(slopes), inside
+        inside = _all(_finite(over[:, [0, n + 1, n + 2]]), cut)
+        return over[:, 0], _slopes(over[:, : n + 1]), inside
 
     def _inside(self, cut: Stretches, rows: Array) -> NDArray[np.bool_]:
         """(n_stretch,) whether the model stays in table and range over each, from starts to both sides too, and models
@@ -155,7 +154,7 @@ class Shooting:
         inside = np.ones(cut.begins.size, dtype=bool)
         for models, starts in tried:
             over = self._residuals(models, replace(cut, starts=starts))
-            inside &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
+            inside &= _all(_finite(over), cut)
         return inside
 
     def _at_once(self, rows: Array) -> list[Array]:
@@ -227,16 +226,17 @@ class Shooting:
         self._refined_together(every, LONG, rivals=True)
         return self.missed(every[0].or_better(every[1]))
 
-    def _bases(self, cuts: Sequence[Stretches]) -> list[list[Array]]:
-        """Residuals over the noise of each, cut alike."""
+    def _bases(self, cuts: Sequence[Stretches]) -> list[Array]:
+        """Residuals over the noise (n_channel, n_sample) of each, cut alike."""
         if not cuts:
             return []
         starts = np.array([cut.starts for cut in cuts])
         over = self._residuals(np.tile(self.spread.z, (len(cuts), 1)), replace(cuts[0], starts=starts))
-        return [[values[n] for values in over] for n in range(len(cuts))]
+        return list(np.moveaxis(over, 1, 0))
 
-    def _simulated(self, cuts: Sequence[Stretches]) -> list[tuple[list[Array], Array]]:
-        """(residuals over the noise, slopes of the starts, nothing where there are none) of each, cut alike."""
+    def _simulated(self, cuts: Sequence[Stretches]) -> list[tuple[Array, Array]]:
+        """(residuals over the noise (n_channel, n_sample), slopes of the starts, nothing where there are none) of each,
+        cut alike."""
         if not cuts:
             return []
         n = self.sigmas.size
@@ -244,21 +244,16 @@ class Shooting:
         starts = np.array([moved(cut.starts, move * self.sigmas) for cut in cuts for move in moves])
         rows = np.tile(self.spread.z, (len(starts), 1))
         over = self._residuals(rows, replace(cuts[0], starts=starts))
-        made = []
-        for first in range(0, len(starts), n + 1):
-            own = [values[first : first + n + 1] for values in over]
-            slopes = np.array([(values[1:] - values[0]) / STEP for values in own])
-            made.append(([values[0] for values in own], np.nan_to_num(slopes)))
-        return made
+        firsts = range(0, len(starts), n + 1)
+        return [(over[:, first], _slopes(over[:, first : first + n + 1])) for first in firsts]
 
-    def _residuals(self, rows: Array, own: Stretches) -> list[Array]:
-        """Residuals of the channels over the noise, (n_row, n_sample) each."""
+    def _residuals(self, rows: Array, own: Stretches) -> Array:
+        """Residuals of the channels over the noise, (n_channel, n_row, n_sample)."""
         points = self._points(rows)
         columns = max(self.plant.parameters.sides, 1)
         inputs = Inputs(self.data.commands[:, :columns], self.data.rate, hold=self.data.hold)
         found = lanes(self.problem, points, self.run, inputs=inputs, substeps=self.substeps, own=own)
-        channels = missed(self.problem, points, self.run, found)
-        return [v / self.data.noise[name].sigma for name, v in zip(self.names, channels, strict=True)]
+        return missed(self.problem, points, self.run, found, over_noise=True)
 
     def _points(self, rows: Array) -> Points:
         """Models (n_row, unknowns.size), with the effects of one that is extended."""
@@ -280,15 +275,15 @@ class Shooting:
         if np.all(gentle | ~finite):
             return finite
         whole = replace(cut, slopes=slopes)
-        left = whole.without_starts([np.nan_to_num(values)[None] for values in base])
-        near = _all(self._near([values[0] for values in left]), cut)
-        spread = [np.zeros_like(values) for values in base]
+        near = _all(self._near(whole.without_starts(np.nan_to_num(base[:, None]))[:, 0]), cut)
+        squares = np.zeros(base.shape)
         for rows in self._at_once(self.spread.rows):
             over = self._residuals(rows, replace(cut, starts=cut.starts))
-            finite &= _all(np.isfinite(sum(values.sum(axis=0) for values in over)), cut)
-            changes = whole.without_starts([np.nan_to_num(v - b) for v, b in zip(over, base, strict=True)])
-            spread = [s + np.sum(c**2, axis=0) for s, c in zip(spread, changes, strict=True)]
-        near &= _all(self._near([np.sqrt(values) for values in spread]), cut)
+            finite &= _all(_finite(over), cut)
+            over -= base[:, None]
+            whole.leave_out_starts(np.nan_to_num(over, copy=False))
+            squares += np.einsum("crn,crn->cn", over, over)
+        near &= _all(self._near(np.sqrt(squares)), cut)
         return finite & (gentle | (near & (growth <= MOST_GROWTH)))
 
     def _growth(self, cut: Stretches) -> Array:
@@ -312,10 +307,10 @@ class Shooting:
             found[n] = np.log(np.mean(own[-quarter:] ** 2) / np.mean(own[:quarter] ** 2)) / (2 * own.size)
         return found
 
-    def _near(self, over: list[Array]) -> NDArray[np.bool_]:
-        """(n_sample,) whether differences over the noise are small enough for a linear model."""
+    def _near(self, over: Array) -> NDArray[np.bool_]:
+        """(n_sample,) whether differences over the noise (n_channel, n_sample) are small enough for a linear model."""
         p = self.plant.parameters
-        near = np.ones(over[0].size, dtype=bool)
+        near = np.ones(over.shape[1], dtype=bool)
         for name, values in zip(self.names, over, strict=True):
             size = np.abs(values) * self.data.noise[name].sigma
             if name == POSITION_COLUMN and p.sides:
@@ -339,6 +334,18 @@ def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start
         read = data.measured.get(Channel("current", side + 1).column)
         starts[:, side] = (read_current(plant, data, side) if read is None else read)[begins]
     return Stretches(begins, starts, np.zeros((len(data.measured), n_start, x.size)))
+
+
+def _finite(over: Array) -> NDArray[np.bool_]:
+    """(n_sample,) whether all residuals (n_channel, n_row, n_sample) are numbers."""
+    return np.isfinite(over.sum(axis=(0, 1)))
+
+
+def _slopes(over: Array) -> Array:
+    """(n_channel, n_start, n_sample) of residuals (n_channel, 1 + n_start, n_sample) behind moves of none and of each
+    start."""
+    slopes = (over[:, 1:] - over[:, :1]) / STEP
+    return np.nan_to_num(slopes, copy=False)
 
 
 def _all(samples: NDArray[np.bool_], cut: Stretches) -> NDArray[np.bool_]:

@@ -1,6 +1,6 @@
 """Starts of stretches on their way to those that leave least, by Gauss-Newton's method."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,16 +19,17 @@ NEAR_BY = 0.3  # moves of the starts behind which slopes are those before
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """Stretches with their slopes, what is left over the noise of each channel, and its squares of each stretch."""
+    """Stretches with their slopes, what is left over the noise (n_channel, n_sample), and its squares of each
+    stretch."""
 
     cut: Stretches
-    left: list[Array]
+    left: Array
     costs: Array
 
     @classmethod
-    def of(cls, cut: Stretches, over: Sequence[Array]) -> "Simulated":
-        costs = np.add.reduceat(sum(np.nan_to_num(values, nan=LOST) ** 2 for values in over), cut.begins)
-        return cls(cut, [np.nan_to_num(values) for values in over], costs)
+    def of(cls, cut: Stretches, over: Array) -> "Simulated":
+        costs = np.add.reduceat(np.sum(np.nan_to_num(over, nan=LOST) ** 2, axis=0), cut.begins)
+        return cls(cut, np.nan_to_num(over), costs)
 
     @property
     def total(self) -> float:
@@ -38,10 +39,10 @@ class Simulated:
     def or_better(self, other: "Simulated") -> "Simulated":
         """Of each stretch the one that leaves less, each as it was simulated behind its own ones."""
         better = other.costs < self.costs
-        now = np.repeat(better, np.diff([*self.cut.begins, self.left[0].size]))
+        now = np.repeat(better, np.diff([*self.cut.begins, self.left.shape[1]]))
         starts = np.where(better[:, None], other.cut.starts, self.cut.starts)
         slopes = np.where(now, other.cut.slopes, self.cut.slopes)
-        left = [np.where(now, new, old) for new, old in zip(other.left, self.left, strict=True)]
+        left = np.where(now, other.left, self.left)
         return Simulated(replace(self.cut, starts=starts, slopes=slopes), left, np.minimum(self.costs, other.costs))
 
 
@@ -82,9 +83,9 @@ class StartRefinement:
         assert self._kept is not None
         return self._kept.costs
 
-    def take(self, over: list[Array], slopes: Array | None) -> None:
-        """Residuals over the noise, and slopes of the starts, at `cut`: the better ones of each stretch are kept.
-        Without slopes those before are kept."""
+    def take(self, over: Array, slopes: Array | None) -> None:
+        """Residuals over the noise (n_channel, n_sample), and slopes of the starts, at `cut`: the better ones of each
+        stretch are kept. Without slopes those before are kept."""
         found = Simulated.of(replace(self.cut, slopes=self.best.slopes if slopes is None else slopes), over)
         before, self._every = self._kept, ()
         if before is None:
@@ -110,7 +111,7 @@ class StartRefinement:
         """Whether what is kept has to be simulated: `mix` takes what it leaves."""
         return bool(self._every)
 
-    def mix(self, over: list[Array]) -> None:
+    def mix(self, over: Array) -> None:
         """What the kept starts leave together, over the noise: the best is kept of these, those before, and those that
         were tried last."""
         assert self._kept is not None
@@ -141,7 +142,7 @@ class StartRefinement:
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
         assert self._kept is not None
-        moves = self._part[:, None] * np.nan_to_num(self.best.moves([values[None] for values in self._kept.left])[0])
+        moves = self._part[:, None] * np.nan_to_num(self.best.moves(self._kept.left[:, None])[0])
         largest = float(np.abs(moves).max())
         self.settled, self.near_by = largest < SETTLED or self._idle >= MOST_IDLE, largest < NEAR_BY
         self.cut = replace(self.best, starts=moved(self.best.starts, moves * self._sigmas))

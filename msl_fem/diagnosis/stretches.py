@@ -11,7 +11,6 @@ white noise and a normal prior of d the starts are eliminated,
 (`plant.restart`).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.diagnosis.row_loops import put_moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,26 +61,24 @@ class Stretches:
         outside = None if self.outside is None else self.outside[:n]
         return Stretches(self.begins[:n], self.starts[:n], self.slopes[:, :, :samples], outside)
 
-    def moves(self, over: Sequence[Array]) -> Array:
-        """(n_row, n_stretch, n_start) that leave least of residuals over the noise, (n_row, n_sample) each."""
-        slope = np.zeros(())
-        for values, s in zip(over, self.slopes, strict=True):
-            products = [np.add.reduceat(values * column, self.begins, axis=1) for column in s]
-            slope = slope + np.stack(products, axis=-1)
-        return -np.einsum("sab,rsb->rsa", self._inverse, slope)
+    def moves(self, over: Array) -> Array:
+        """(n_row, n_stretch, n_start) that leave least of residuals over the noise (n_channel, n_row, n_sample)."""
+        return self._moves(over, leave_out=False)
 
-    def without_starts(self, over: Sequence[Array], moves: Array | None = None) -> list[Array]:
-        """What is left of residuals over the noise, (n_row, n_sample) each, beside the starts, by their `moves` where
-        they are known."""
-        moves = self.moves(over) if moves is None else moves
-        lengths = np.diff([*self.begins, over[0].shape[1]])
-        made = []
-        for values, s in zip(over, self.slopes, strict=True):
-            left = values.copy()
-            for n, column in enumerate(s):
-                left += np.repeat(moves[:, :, n], lengths, axis=1) * column
-            made.append(left)
-        return made
+    def without_starts(self, over: Array) -> Array:
+        """What is left of residuals over the noise (n_channel, n_row, n_sample) beside the starts."""
+        left = over.copy()
+        self.leave_out_starts(left)
+        return left
+
+    def leave_out_starts(self, over: Array) -> Array:
+        """The same in place; returns the moves of the starts."""
+        return self._moves(over, leave_out=True)
+
+    def _moves(self, over: Array, *, leave_out: bool) -> Array:
+        moves = np.empty((over.shape[1], self.begins.size, self.slopes.shape[1]))
+        put_moves(moves, over, self.slopes, self.begins, self._inverse, leave_out)
+        return moves
 
     def orthonormal(self, channel: int, part: slice) -> Array:
         """(n_start, n_sample) of a stretch: columns Q of a channel with S (S'S + 1)^-1 S' = Q Q'."""

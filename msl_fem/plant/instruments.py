@@ -167,11 +167,22 @@ def reading_at(instruments: Instruments, n: int, y: Array | float, time: Array) 
     if np.any(i.hum[..., n, :]):
         phase = np.asarray(i.hum_frequency)[..., None] * time
         hum = i.hum[..., n, 0, None] * np.cos(phase) + i.hum[..., n, 1, None] * np.sin(phase)
-    if np.all(i.polynomial[..., n, :] == _FAITHFUL) and not np.any(i.drift[..., n, :]):
+    if _reads_what_is_there(i, n):
         return np.asarray(y + hum)
     polynomial = [i.polynomial[..., n, k, None] for k in range(4)]
     drift = [i.drift[..., n, k, None] for k in range(3)]
     return np.asarray(reading_of(y, time, polynomial, drift, hum))
+
+
+def is_faithful(effects: Array, n: int, *, rate: float) -> bool:
+    """Whether instrument n reads what is there, at once, with parameters (..., N_PARAMETER) of the catalogue."""
+    i = instruments_of(effects, rate=rate)
+    return _reads_what_is_there(i, n) and not np.any(i.hum[..., n, :]) and not np.any(i.delay[..., n])
+
+
+def _reads_what_is_there(i: Instruments, n: int) -> bool:
+    """Whether instrument n has no more than hum and a delay."""
+    return bool(np.all(i.polynomial[..., n, :] == _FAITHFUL)) and not np.any(i.drift[..., n, :])
 
 
 def delayed(values: Array, after: Array, before: Array, *, samples: Array) -> Array:

@@ -20,7 +20,7 @@ from msl_fem.errors import InputError
 from msl_fem.plant.effects import PARAMETER_INDEX, neutral_vector
 from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.excitation import Inputs
-from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
+from msl_fem.plant.instruments import Channels, currents_before_noise, is_faithful, position_before_noise
 from msl_fem.plant.lane_block import FEW, Lanes, LaneSettings, Parts, numbers_of
 from msl_fem.plant.layout import (
     N_OUT,
@@ -36,6 +36,14 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.segments import run_segments, segments_for
+
+_READINGS = {
+    "position": (OUT_SENSOR, 0),
+    "velocity": (OUT_V, None),
+    "current": (OUT_I1, 1),
+    "voltage": (OUT_VOLTAGE_1, None),
+}
+"""Of each quantity the kernel's first column and which instrument reads it first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +110,16 @@ class LaneRun:
     @cached_property
     def velocity(self) -> Array:
         return self._of_lanes(OUT_V)
+
+    def as_read(self, quantity: str, side: int = 0) -> Sequence[Array]:
+        """(n_sample,) of each lane: "position", "velocity", or a side's "current" or "voltage"; where the instruments
+        add nothing, what the kernel wrote, not to be changed."""
+        column, instrument = _READINGS[quantity][0] + side, _READINGS[quantity][1]
+        if instrument is None or is_faithful(self.effects, instrument + side, rate=self.rate):
+            at = int(np.searchsorted(self.columns, column))
+            each = (divmod(int(place), LANES) for place in self.place)
+            return [self.blocks[block][at, own] for block, own in each]
+        return list(self.position if quantity == "position" else self.current[..., side])
 
     @cached_property
     def done(self) -> NDArray[np.int64]:

@@ -61,7 +61,7 @@ def random_stretches(chance: np.random.Generator) -> Stretches:
 def test_eliminated_starts_leave_what_a_fit_of_them_leaves() -> None:
     """By the normal equations of all starts of a stretch with their prior, one stretch after the other."""
     chance = np.random.default_rng(1)
-    cut, over = random_stretches(chance), [chance.standard_normal((2, 90)) for _ in range(2)]
+    cut, over = random_stretches(chance), chance.standard_normal((2, 2, 90))
     left = cut.without_starts(over)
     for part in cut.parts(90):
         s = np.concatenate([slopes[:, part] for slopes in cut.slopes], axis=1).T
@@ -80,7 +80,7 @@ def test_the_numbers_spent_on_starts_are_the_trace_of_what_eliminates_them() -> 
         for part in cut.parts(90):
             length = part.stop - part.start
             spent += float(np.sum(transformed(cut.orthonormal(n, part), length // 2 + 1) ** 2))
-    white = [np.eye(180)[:, :90], np.eye(180)[:, 90:]]
+    white = np.array([np.eye(180)[:, :90], np.eye(180)[:, 90:]])
     kept = cut.without_starts(white)
     trace = sum(np.trace(values[n * 90 : (n + 1) * 90]) for n, values in enumerate(kept))
     assert spent == pytest.approx(180 - trace, rel=1e-9)

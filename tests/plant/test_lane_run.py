@@ -267,3 +267,31 @@ def test_stretches_of_lanes_in_whose_iron_something_goes_on_beside_others_are_wh
     assert np.isfinite(together.current).all()
     for lane in range(LANES):
         assert np.array_equal(run_of(slice(lane, lane + 1)).current[0], together.current[lane])
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {},
+        {"current_sensor_error": {"gain_2": 0.02}},
+        {"sensor_drift": {"offset": 1e-6}},
+        {"time_delay": {"position": 3e-4}},
+        {"periodic_disturbance": {"frequency": 50.0, "current_cosine": 0.01, "position_sine": 1e-7}},
+    ],
+    ids=["faithful", "gain", "offset", "delay", "hum"],
+)
+def test_a_channel_is_read_as_its_instrument_reads_it(
+    servo: Actuator, table: MagneticTable, stated: dict[str, dict[str, float]]
+) -> None:
+    """Beside a lane whose instruments are faithful, which the kernel's own rows do for where all are."""
+    plant, inputs = drive_of(servo, "current")
+    rows = np.array([neutral_vector(), EffectValues(stated).vector()])
+    found = run_lanes(surface_of(table), [plant] * 2, inputs, substeps=5, settings=LaneSettings(effects=rows))
+    assert np.array_equal(found.as_read("position"), found.position)
+    assert np.array_equal(found.as_read("velocity"), found.velocity)
+    for side in range(2):
+        assert np.array_equal(found.as_read("current", side), found.current[..., side])
+        assert np.array_equal(found.as_read("voltage", side), found.voltage[..., side])
+    own = [found.as_read("position"), *(found.as_read("current", side) for side in range(2))]
+    shows = [not np.array_equal(lanes[0], lanes[1]) for lanes in own]
+    assert any(shows) == bool(stated)
