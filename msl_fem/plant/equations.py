@@ -7,7 +7,8 @@
 coenergy.) The currents are the electrical states: L_inc di/dt = v - R i - lambda_g dg/dt, with lambda_g = -dF/di.
 
 At the effects' neutral values each term of `rates_with_effects` is the plain one, plus zero or times one, so its output
-equals that of `rates` to the last bit. Pieces with many numbers are passed by where no lane has them.
+equals that of `rates` to the last bit. Pieces with many numbers are passed by where no lane has them. Powers and losses
+are told of one run alone, not of lanes.
 
 Stops are the elements of rate-independent memory: a stop of width r follows its input until it leaves [-r, r] and then
 slides, e <- cut(e + change, r). Six of them, of widths r, 2 r ... 6 r and one slope s, give the force s sum_k e_k, a
@@ -54,6 +55,7 @@ from msl_fem.computing.lanes import (
     inverse_hyperbolic_sine,
     size,
     some,
+    width,
     within,
 )
 from msl_fem.plant.drive import terminal_voltage
@@ -293,10 +295,11 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
         power = power + _shared_power(cells, work, velocity)
     work[dy + X] = velocity
     work[dy + V] = (force - p.damping * velocity - p.stiffness * position) / p.mass
-    work[dy + ENERGY_ELECTRICAL] = power
-    work[dy + ENERGY_COPPER] = copper
-    work[dy + ENERGY_DAMPING] = p.damping * velocity * velocity
-    work[dy + ENERGY_EXTERNAL] = external * velocity
+    if width(work) == 1:
+        work[dy + ENERGY_ELECTRICAL] = power
+        work[dy + ENERGY_COPPER] = copper
+        work[dy + ENERGY_DAMPING] = p.damping * velocity * velocity
+        work[dy + ENERGY_EXTERNAL] = external * velocity
     return inside
 
 
@@ -374,15 +377,16 @@ def rates_with_effects(
         add_law_voltages(p, e, work)
         solve_circuits(p, e, work, inputs)
         _electrical_rates(p, e, work, dy)
-    if p.sides == 2:
+    if p.sides == 2 and width(work) == 1:
         work[dy + ENERGY_ELECTRICAL] = work[dy + ENERGY_ELECTRICAL] + _shared_power(cells, work, gap_speed)
     of_laws = law_force(p, e, work)
     film_force = e[mechanical.FILM] * film * gap_speed
     spring, stribeck = _suspension(e, state, work, settle)
     _motion(p, e, work, dy, force + of_laws, film_force + spring + stribeck, magnets - film_force)
-    work[dy + ENERGY_INTERNAL] = work[dy + ENERGY_INTERNAL] + stribeck * work[Y + V]
-    work[dy + ENERGY_DAMPING] = p.damping * work[Y + V] * work[Y + V] + film_force * gap_speed
-    work[dy + ENERGY_EXTERNAL] = (external + of_laws) * work[Y + V]
+    if width(work) == 1:
+        work[dy + ENERGY_INTERNAL] = work[dy + ENERGY_INTERNAL] + stribeck * work[Y + V]
+        work[dy + ENERGY_DAMPING] = p.damping * work[Y + V] * work[Y + V] + film_force * gap_speed
+        work[dy + ENERGY_EXTERNAL] = (external + of_laws) * work[Y + V]
     return inside
 
 
@@ -403,7 +407,8 @@ def hysteresis(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value
             lost = settle_broadened_stops(e, state, gamma, first, change, followed)
         else:
             lost = settle_stops(e, state, slopes, widths, first, N_IRON_STOP, change)
-        state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
+        if width(state) == 1:
+            state[ENERGY_HYSTERESIS] = state[ENERGY_HYSTERESIS] + lost
         state[ANCHOR_1 + j] = followed
         change = flux - flux
     return (1.0 + 3.0 * stretch) * stop_sum(e, state, slopes, widths, first, N_IRON_STOP, change)
@@ -482,9 +487,10 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         above = work[Y + HEAT_1 + j] - work[Y + CORE_1 + j]
         work[dy + HEAT_1 + j] = e[electrical.HEAT_PER_JOULE] * loss - e[electrical.COOLING] * above
         work[dy + CORE_1 + j] = e[electrical.CORE_RATE] * above
-    work[dy + ENERGY_ELECTRICAL] = power
-    work[dy + ENERGY_COPPER] = copper
-    work[dy + ENERGY_EDDY] = eddy
+    if width(work) == 1:
+        work[dy + ENERGY_ELECTRICAL] = power
+        work[dy + ENERGY_COPPER] = copper
+        work[dy + ENERGY_EDDY] = eddy
 
 
 @compiled
@@ -499,7 +505,8 @@ def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, 
     change = x - state[ANCHOR_X]
     if settle:
         lost = settle_stops(e, state, slopes, widths, STOPS_X, N_STOP, change)
-        state[ENERGY_FRICTION] = state[ENERGY_FRICTION] + lost
+        if width(state) == 1:
+            state[ENERGY_FRICTION] = state[ENERGY_FRICTION] + lost
         state[ANCHOR_X] = x
         change = x - x
     v = work[Y + V]
@@ -536,10 +543,11 @@ def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own:
     work[dy + BASE_RATE] = (
         e[mechanical.BASE_STIFFNESS] * (0.0 - on_base - base) - e[mechanical.BASE_DAMPING] * base_rate
     )
-    base_loss = e[mechanical.BASE_INERTIA] * e[mechanical.BASE_DAMPING] * base_rate * base_rate
-    mode_loss = e[mechanical.MODE_MASS] * e[mechanical.MODE_DAMPING] * mode_rate * mode_rate
-    creep_loss = e[mechanical.CREEP_STIFFNESS] * e[mechanical.CREEP_RATE] * stretch * stretch
-    work[dy + ENERGY_INTERNAL] = base_loss + mode_loss + creep_loss
+    if width(work) == 1:
+        base_loss = e[mechanical.BASE_INERTIA] * e[mechanical.BASE_DAMPING] * base_rate * base_rate
+        mode_loss = e[mechanical.MODE_MASS] * e[mechanical.MODE_DAMPING] * mode_rate * mode_rate
+        creep_loss = e[mechanical.CREEP_STIFFNESS] * e[mechanical.CREEP_RATE] * stretch * stretch
+        work[dy + ENERGY_INTERNAL] = base_loss + mode_loss + creep_loss
 
 
 @compiled
@@ -568,7 +576,8 @@ def settle_stops(e: Rows, state: Rows, slopes: int, widths: int, start: int, cou
 
 @compiled
 def settle_broadened_stops(e: Rows, state: Rows, gamma: Value, start: int, change: Value, followed: Value) -> Value:
-    """Moves a side's stops, that have `followed` z = asinh(gamma y)/gamma, by the last `change` of it; the loss in J.
+    """Moves a side's stops, that have `followed` z = asinh(gamma y)/gamma, by the last `change` of it; of one run the
+    loss in J.
 
     They take s_k e_k dy. Of that s_k |y(z) - y(z - e_k)| |dz| is lost where a stop slips, the rest is stored.
     """
@@ -579,7 +588,7 @@ def settle_broadened_stops(e: Rows, state: Rows, gamma: Value, start: int, chang
         kept = within(moved, e[widths + k])
         slip = moved - kept
         plain = e[slopes + k] * e[widths + k] * size(slip)
-        if some(size(slip) > 0.0):
+        if width(state) == 1 and some(size(slip) > 0.0):
             half = 0.5 * gamma
             middle = followed - 0.5 * (slip + kept)
             broad = hyperbolic_sine(half * size(slip)) * hyperbolic_sine(half * e[widths + k])

@@ -15,7 +15,7 @@ field energy, as in an ideal drive whose current jumps.
 import numpy as np
 
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, exponential, first, size, some
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, exponential, first, size, some, width
 from msl_fem.plant.effects import electrical, magnetic
 from msl_fem.plant.iron_beside_loop import NO_WAY, no_eddies, put_beside_iron, with_memory
 from msl_fem.plant.known_currents import put_fall, rates_together
@@ -417,7 +417,8 @@ def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         work[Y + I1 + j] = choose(work[row] > 0.0, work[row + KNOWN_LAST], work[Y + I1 + j])
     if p.sides == 2:
         inside = inside & set_mutual_flux(cells, p, e, work, work[Y + I1], work[Y + I1 + 1])
-        work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + _shared_energy(state, work)
+        if width(work) == 1:
+            work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + _shared_energy(state, work)
     for j in range(p.sides):
         row = KNOWN_1 + j * N_KNOWN
         known = work[row] > 0.0
@@ -433,8 +434,8 @@ def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
         energy = stored - work[row + KNOWN_FIELD]
         if e is not None:
             energy = energy + end_modes(e, state, work, j, flux)
-        energy = choose(known, energy, 0.0)
-        work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + energy
+        if width(work) == 1:
+            work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + choose(known, energy, 0.0)
         work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
         work[row] = 0.0
     if e is not None:

@@ -22,23 +22,25 @@ OK, OUTSIDE_TABLE, NOT_FINITE, OUTSIDE_RANGE = range(4)
 
 _STATE = RowLayout()
 # What Runge-Kutta integrates: magnetising currents of the sides (A; the coils' own without hysteresis and eddy
-# currents), position (m), velocity (m/s); energies since the start (J): electrical input, copper loss, damping loss
-# (and film), work of forces that are not the plant's own (disturbance, constant force, force drive); volt-seconds of
-# the sides since the last call of `advance` began (N s in force drive).
+# currents), position (m), velocity (m/s); volt-seconds of the sides since the last call of `advance` began (N s in
+# force drive)
 I1, I2, X, V = _STATE.rows(4)
-ENERGY_ELECTRICAL, ENERGY_COPPER, ENERGY_DAMPING, ENERGY_EXTERNAL = _STATE.rows(4)
 VOLT_SECONDS_1, VOLT_SECONDS_2 = _STATE.rows(2)
 N_PLAIN = _STATE.size
-# With effects also: relative rise of the sides' resistances; the relaxed length of the flexure (m); second mass against
-# the armature (m, m/s); force that the base has given way to (N, N/s); losses of eddy currents, and of flexure, second
-# mass and base (J); relative rise that the core's temperature stands for, of the sides
-HEAT_1, HEAT_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE = _STATE.rows(7)
-ENERGY_EDDY, ENERGY_INTERNAL, CORE_1, CORE_2 = _STATE.rows(4)
-# What the position sensor sees of the coils' field (m), and its slope (m/s), known in closed form over a step
+# With some effects also: relative rise of the sides' resistances, and that which the core's temperature stands for; the
+# relaxed length of the flexure (m); second mass against the armature (m, m/s); force that the base has given way to
+# (N, N/s); what the position sensor sees of the coils' field (m), and its slope (m/s), known in closed form over a step
+HEAT_1, HEAT_2, CORE_1, CORE_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE = _STATE.rows(9)
 COIL_READING, COIL_READING_SLOPE = _STATE.rows(2)
-# Flux linkages that the modes of the eddy currents follow (Wb), of side 1, then of side 2; the last, since without
-# eddy currents in sheets they are not integrated
+N_OF_EFFECTS = _STATE.size
+# With eddy currents in sheets: flux linkages that their modes follow (Wb), of side 1, then of side 2
 EDDY_FLUX_1, EDDY_FLUX_2 = _STATE.rows(2, N_EDDY)
+N_MOVING = _STATE.size
+# In one run, not in lanes: energies since the start (J), electrical input, copper loss, damping loss (and film), work
+# of forces that are not the plant's own (disturbance, constant force, force drive); losses of eddy currents, and of
+# flexure, second mass and base
+ENERGY_ELECTRICAL, ENERGY_COPPER, ENERGY_DAMPING, ENERGY_EXTERNAL = _STATE.rows(4)
+ENERGY_EDDY, ENERGY_INTERNAL = _STATE.rows(2)
 N_INTEGRATED = _STATE.size
 # What is known in closed form over a step: position as its sensor gives it, before noise (m); the drive's outputs
 # (V, or N in force drive). Then counts of the calls of `advance` in which a limit of the drive was reached.

@@ -15,8 +15,8 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
-from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, lane_of, size, some
-from msl_fem.plant.effects import magnetic, mechanical, sensing
+from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, lane_of, size, some, width
+from msl_fem.plant.effects import electrical, magnetic, mechanical, sensing, thermal
 from msl_fem.plant.equations import rates, rates_with_effects
 from msl_fem.plant.fast_loop import (
     begin_corners,
@@ -33,7 +33,6 @@ from msl_fem.plant.layout import (
     COIL_READING,
     COIL_READING_SLOPE,
     COIL_READING_WEIGHTS,
-    EDDY_FLUX_1,
     ENERGY_IMPACT,
     HELD,
     I1,
@@ -43,6 +42,8 @@ from msl_fem.plant.layout import (
     MODE_RATE,
     N_INPUT,
     N_INTEGRATED,
+    N_MOVING,
+    N_OF_EFFECTS,
     N_PLAIN,
     OUTPUT_1,
     OUTPUT_END_1,
@@ -91,17 +92,31 @@ def slopes(
 @compiled
 def look_at(e: Rows, state: Rows, work: Rows) -> None:
     """Puts the state into Y."""
-    for n in range(integrated(e)):
+    for n in range(moving(e)):
+        work[Y + n] = state[n]
+    for n in range(first_energy(state), N_INTEGRATED):
         work[Y + n] = state[n]
 
 
 @compiled
-def integrated(e: Rows) -> int:
-    """How many states Runge-Kutta integrates."""
+def moving(e: Rows) -> int:
+    """How many of the first states Runge-Kutta integrates, beside energies: those that move in one lane at least."""
     if e is None:
         return N_PLAIN
     else:
-        return N_INTEGRATED if some(e[magnetic.EDDY_MODE] > 0.0) else EDDY_FLUX_1
+        if some(e[magnetic.EDDY_MODE] > 0.0):
+            return N_MOVING
+        heat = e[electrical.HEAT_PER_JOULE] + size(e[electrical.HEAT_START]) + size(e[thermal.CORE_RISE])
+        heat = heat + size(e[thermal.RISE_1]) + size(e[thermal.RISE_2])
+        bodies = e[mechanical.CREEP_STIFFNESS] + e[mechanical.MODE_STIFFNESS] + e[mechanical.COMPLIANCE]
+        read = size(e[sensing.COIL_READING_1]) + size(e[sensing.COIL_READING_2])
+        return N_OF_EFFECTS if some(heat + size(bodies) + read > 0.0) else N_PLAIN
+
+
+@compiled
+def first_energy(rows: Rows) -> int:
+    """Where the states begin that are integrated to tell energies: of lanes none are."""
+    return N_MOVING if width(rows) == 1 else N_INTEGRATED
 
 
 @compiled
@@ -121,7 +136,7 @@ def _find_corners(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
 @compiled
 def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, step: float) -> Flag:
     """The integrated states after one step into Y; False where a stage left the table."""
-    n_integrated = integrated(e)
+    n_moving, energies = moving(e), first_energy(state)
     look_at(e, state, work)
     inside = state[X] == state[X]
     fast = is_fast(p, e, step)
@@ -136,18 +151,25 @@ def try_step(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows,
         if stage > 0:
             share = step if stage == 3 else 0.5 * step
             before = SLOPES + (stage - 1) * N_INTEGRATED
-            for n in range(n_integrated):
+            for n in range(n_moving):
                 work[Y + n] = fma(share, work[before + n], state[n])
         if fast:
             put_known_currents(p, e, state, work, (stage + 1) // 2)
         inside = inside & slopes(cells, p, e, state, work, stage, (stage + 1) // 2, stage == 0 and not fast)
-    for n in range(n_integrated):
-        middle = work[SLOPES_2 + n] + work[SLOPES_3 + n]
-        together = work[SLOPES + n] + 2.0 * middle + work[SLOPES_4 + n]
-        work[Y + n] = fma(step / 6.0, together, state[n])
+    _sum_stages(state, work, step, 0, n_moving)
+    _sum_stages(state, work, step, energies, N_INTEGRATED)
     if fast:
         inside = inside & end_known_currents(cells, p, e, state, work)
     return inside
+
+
+@compiled
+def _sum_stages(state: Rows, work: Rows, step: float, begin: int, end: int) -> None:
+    """States from `begin` to `end` behind a step into Y, by the slopes of its stages."""
+    for n in range(begin, end):
+        middle = work[SLOPES_2 + n] + work[SLOPES_3 + n]
+        together = work[SLOPES + n] + 2.0 * middle + work[SLOPES_4 + n]
+        work[Y + n] = fma(step / 6.0, together, state[n])
 
 
 @compiled
@@ -160,7 +182,9 @@ def keep_step(p: PlantParameters, e: Rows, state: Rows, work: Rows) -> None:
     sensor = work[SENSOR_WEIGHTS] * state[SENSOR]
     sensor = sensor + work[SENSOR_WEIGHTS + 1] * x_0 + work[SENSOR_WEIGHTS + 2] * v_0
     state[SENSOR] = sensor + (work[SENSOR_WEIGHTS + 3] * x_1 + work[SENSOR_WEIGHTS + 4] * v_1)
-    for n in range(integrated(e)):
+    for n in range(moving(e)):
+        state[n] = work[Y + n]
+    for n in range(first_energy(state), N_INTEGRATED):
         state[n] = work[Y + n]
     for j in range(2):
         state[OUTPUT_1 + j] = work[OUTPUT_END_1 + j]
