@@ -18,6 +18,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.compiled import compiled
 from msl_fem.computing.threads import in_threads
 from msl_fem.errors import ComputationError
 
@@ -268,18 +269,36 @@ def normal_equations(
 
 def linear_change(jacobian: Array | Slopes, move: Array) -> Array:
     """(n_number,) a Jacobian (n_number, n) times a move (n,), in double precision."""
-    made = np.empty(len(jacobian))
-    for begin in range(0, len(jacobian), ROWS_AT_ONCE):
-        rows = slice(begin, begin + ROWS_AT_ONCE)
-        made[rows] = jacobian[rows] @ move
+    made = np.zeros(len(jacobian))
+    _add_product(made, jacobian.T, move)
     return made
 
 
 def add_outer(jacobian: Array | Slopes, column: Array, row: Array) -> None:
     """Adds column (n_number,) times row (n,) to a Jacobian (n_number, n) in place."""
-    for begin in range(0, len(jacobian), ROWS_AT_ONCE):
-        rows = slice(begin, begin + ROWS_AT_ONCE)
-        jacobian[rows] += column[rows, None] * row
+    _add_to_each(jacobian.T, column, row)
+
+
+@compiled
+def _add_product(made: Array, columns: Array | Slopes, move: Array) -> None:
+    """Adds columns (n, n_number) times a move (n,) to numbers (n_number,), some at a time, which stay in the cache."""
+    for begin in range(0, made.size, ROWS_AT_ONCE):
+        part = made[begin : begin + ROWS_AT_ONCE]
+        for k in range(move.size):
+            column = columns[k, begin : begin + ROWS_AT_ONCE]
+            for n in range(part.size):
+                part[n] += column[n] * move[k]
+
+
+@compiled
+def _add_to_each(columns: Array | Slopes, one: Array, times: Array) -> None:
+    """Adds one column (n_number,) to each of several (n, n_number), so many times (n,)."""
+    for begin in range(0, one.size, ROWS_AT_ONCE):
+        part = one[begin : begin + ROWS_AT_ONCE]
+        for k in range(times.size):
+            column = columns[k, begin : begin + ROWS_AT_ONCE]
+            for n in range(part.size):
+                column[n] += part[n] * times[k]
 
 
 def bounded_step(matrix: Array, slope: Array, bounds: Array) -> Array:

@@ -10,7 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from msl_fem.computing.arrays import Slopes
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import QUIET, Fit
@@ -44,6 +46,11 @@ def best_first(
     return whole.best_first(candidates)
 
 
+def _rows(found: Fit, numbers: NDArray[np.bool_]) -> Slopes:
+    """Some rows of a fit's Jacobian, column by column as it is."""
+    return found.jacobian.T[:, numbers].T
+
+
 def _over_first_part(base: Fit) -> Fit | None:
     """A fit led to its end over the first part of a long record; None where that is not worth it."""
     whole = base.likelihood
@@ -52,9 +59,9 @@ def _over_first_part(base: Fit) -> Fit | None:
     likelihood, numbers = whole.first_part()
     if base.objective - base.nats_of_noise < PLENTY * base.residual.size / np.count_nonzero(numbers):
         return None
-    there = fit_there(likelihood, base.unknowns, base.z, base.jacobian[numbers])
+    there = fit_there(likelihood, base.unknowns, base.z, _rows(base, numbers))
     if base.sane is not None:
-        sane = fit_there(likelihood, base.unknowns, base.sane.z, base.sane.jacobian[numbers])
+        sane = fit_there(likelihood, base.unknowns, base.sane.z, _rows(base.sane, numbers))
         return replace(there, sane=sane)
     return fit(
         likelihood, base.unknowns, base.z, plan=FitPlan(LAST_STEPS, enough=ROUGH), goes_on=there, takes_columns=True

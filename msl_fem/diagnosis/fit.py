@@ -35,8 +35,8 @@ from msl_fem.diagnosis.likelihood import (
     Columns,
     Fit,
     Likelihood,
-    columns_and_start_slopes,
     numbers_and_starts,
+    put_columns,
 )
 from msl_fem.diagnosis.noise import NoiseWeights
 from msl_fem.diagnosis.problem import Points, Starts
@@ -157,7 +157,7 @@ def fit(
         noise = likelihood.nats_of_noise(unknowns, z) if how.share else 0.0
         if sane is None and posterior.heat > 1.0:
             sane = _fit_at(posterior, *posterior.cooled(first, model), simulations, damping.first)
-            sane = replace(sane, columns=Columns(sane.jacobian.copy(), sane.columns.gram))  # the model goes on
+            sane = replace(sane, columns=Columns(sane.jacobian.copy("F"), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(
             damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise, how.little
@@ -409,7 +409,7 @@ class _FitPosterior:
         """The first model, at a point, with columns that are known, those of the nuisances or all, and may be `stale`;
         the others are computed."""
         if self._jacobian.shape != (point.residual.size, point.z.size):
-            self._jacobian = np.empty((point.residual.size, point.z.size), dtype=np.float32)
+            self._jacobian = np.empty((point.residual.size, point.z.size), dtype=np.float32, order="F")
         known = 0 if columns is None else columns.shape[1]
         if columns is not None and not np.may_share_memory(columns, self._jacobian):
             self._jacobian[:, :known] = columns
@@ -419,10 +419,10 @@ class _FitPosterior:
         """The model at a point, so many columns as they are."""
         which = np.arange(known, self.unknowns.size)
         if which.size:
-            columns, slopes = columns_and_start_slopes(
-                self.likelihood, self.unknowns, point.z, which, point.residual, point.starts, point.nearer
-            )
-            self._jacobian[:, which] = columns
+            slopes = put_columns(
+                self._jacobian[:, known:], self.likelihood, self.unknowns, point.z, which, point.residual,
+                point.starts, point.nearer,
+            )  # fmt: skip
             if slopes and not self.start_slopes:
                 self.start_slopes = tuple(np.zeros((self.unknowns.size, *own.shape[1:])) for own in slopes)
             for every, own in zip(self.start_slopes, slopes, strict=True):

@@ -71,12 +71,13 @@ def jacobian_columns(
     residual: Array,
 ) -> Array:
     """Columns (n_number, n_which) of the residual's Jacobian by one-sided differences, backwards where a run fails."""
-    columns = np.empty((which.size, residual.size))
-    _put_columns(columns, likelihood, unknowns, z, which, residual)
-    return columns.T
+    columns = np.empty((residual.size, which.size), order="F")
+    put_columns(columns, likelihood, unknowns, z, which, residual)
+    return columns
 
 
-def columns_and_start_slopes(
+def put_columns(
+    columns: Array | Slopes,
     likelihood: "Likelihood",
     unknowns: Unknowns,
     z: Array,
@@ -84,20 +85,19 @@ def columns_and_start_slopes(
     residual: Array,
     starts: Starts | None = None,
     nearer: Starts | None = None,
-) -> tuple[Slopes, Starts]:
-    """`jacobian_columns` in single precision where stretches begin at `starts`, and by how much the starts that suit a
-    point, `nearer` at z, move with each unknown, (n_which, n_stretch, 4) of each run; none where no run is followed
-    over stretches."""
-    columns: Slopes = np.empty((which.size, residual.size), dtype=np.float32)
+) -> Starts:
+    """Sets columns (n_number, n_which) to `jacobian_columns` where stretches begin at `starts`; returns by how much the
+    starts that suit a point, `nearer` at z, move with each unknown, (n_which, n_stretch, 4) of each run; none where no
+    run is followed over stretches."""
     slopes: list[Starts] = []
     for begin in range(0, which.size, COLUMNS):
         part = slice(begin, begin + COLUMNS)
-        own = _put_columns(columns[part], likelihood, unknowns, z, which[part], residual, starts, nearer)
+        own = _put_some(columns[:, part].T, likelihood, unknowns, z, which[part], residual, starts, nearer)
         slopes.append(own)
-    return columns.T, tuple(np.concatenate(own) for own in zip(*slopes, strict=True))
+    return tuple(np.concatenate(own) for own in zip(*slopes, strict=True))
 
 
-def _put_columns(
+def _put_some(
     columns: Array | Slopes,
     likelihood: "Likelihood",
     unknowns: Unknowns,
@@ -133,7 +133,8 @@ def numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array,
 
 @dataclass(eq=False)
 class Columns:
-    """A fit's Jacobian, by far the largest of what it holds, None once it was let go; and J'J, weighted."""
+    """A fit's Jacobian, by far the largest of what it holds, column by column, None once it was let go; and J'J,
+    weighted."""
 
     values: Slopes | None
     gram: Array
@@ -194,8 +195,8 @@ class Fit:
         """(n_number, unknowns.size) of the residual, not weighted; computed once more where it was let go."""
         if self.columns.values is None:
             every = np.arange(self.unknowns.size)
-            found = columns_and_start_slopes(self.likelihood, self.unknowns, self.z, every, self.residual)
-            self.columns.values = found[0]
+            self.columns.values = np.empty((self.residual.size, every.size), dtype=np.float32, order="F")
+            put_columns(self.columns.values, self.likelihood, self.unknowns, self.z, every, self.residual)
         return self.columns.values
 
     def lets_go(self) -> None:

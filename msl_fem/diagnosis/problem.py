@@ -219,7 +219,7 @@ def simulated_in_parts(
     takes, like a delay of more samples than it keeps."""
     data, p = problem.runs[run], problem.plant.parameters
     columns = max(p.sides, 1)
-    inputs = Inputs(data.commands[:, :columns], data.rate, hold=data.hold)
+    inputs = data.inputs(columns)
     try:
         found = lanes(problem, points, run, inputs=inputs, substeps=substeps)
     except InputError:

@@ -18,7 +18,7 @@ from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import FIRST_LOOK, TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
-from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, columns_and_start_slopes
+from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, put_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -556,11 +556,15 @@ class Refinement:
     def _columns_without(self, likelihood: Likelihood, z: Array) -> Slopes | None:
         """The nuisances' columns where a candidate is nothing, for all that begin near by; None where none can be had,
         or stretches have starts of their own."""
+        if likelihood.is_cut:
+            return None
         unknowns, z = self.base.unknowns, z[: self.base.unknowns.size]
         residual = likelihood.spectra(Points.of(unknowns, z[None]))[0].copy()
-        if likelihood.is_cut or not np.isfinite(residual).all():
+        if not np.isfinite(residual).all():
             return None
-        return columns_and_start_slopes(likelihood, unknowns, z, np.arange(unknowns.n_nuisance), residual)[0]
+        columns = np.empty((residual.size, unknowns.n_nuisance), dtype=np.float32, order="F")
+        put_columns(columns, likelihood, unknowns, z, np.arange(unknowns.n_nuisance), residual)
+        return columns
 
     def _on(self, begun: Refit) -> Refit:
         """What began at small amounts, some steps on."""

@@ -18,7 +18,6 @@ from msl_fem.diagnosis.problem import FitProblem, Points, follows_from_before, l
 from msl_fem.diagnosis.start_refinement import StartRefinement
 from msl_fem.diagnosis.stretches import Stretches, moved
 from msl_fem.diagnosis.unknowns import Unknowns
-from msl_fem.plant.excitation import Inputs
 from msl_fem.prediction import KernelPlant, RunData
 from msl_fem.prediction.free_run import read_current
 from msl_fem.prediction.run_data import POSITION_COLUMN
@@ -251,8 +250,7 @@ class Shooting:
         """Residuals of the channels over the noise, (n_channel, n_row, n_sample)."""
         points = self._points(rows)
         columns = max(self.plant.parameters.sides, 1)
-        inputs = Inputs(self.data.commands[:, :columns], self.data.rate, hold=self.data.hold)
-        found = lanes(self.problem, points, self.run, inputs=inputs, substeps=self.substeps, own=own)
+        found = lanes(self.problem, points, self.run, inputs=self.data.inputs(columns), substeps=self.substeps, own=own)
         return missed(self.problem, points, self.run, found, over_noise=True)
 
     def _points(self, rows: Array) -> Points:

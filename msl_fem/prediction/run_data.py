@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from msl_fem.computing.arrays import Array
 from msl_fem.errors import InputError
 from msl_fem.plant import plant_parameters
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE
 from msl_fem.prediction.scheduling import Schedule, schedules_of, standing_factors
 from msl_fem.record import Mover, Record, Role, Run
@@ -94,6 +95,16 @@ class RunData:
         """Channel to the samples of its readings that do not count, those that have some."""
         both = {name: self.spikes.get(name, _NONE) for name in (*self.spikes, *self.invalid)}
         return {name: np.union1d(at, self.invalid.get(name, _NONE)) for name, at in both.items()}
+
+    def inputs(self, columns: int) -> Inputs:
+        """The commands of so many sides, or of one voltage or force; made and looked through once."""
+        if columns not in self._inputs:
+            self._inputs[columns] = Inputs(self.commands[:, :columns], self.rate, hold=self.hold)
+        return self._inputs[columns]
+
+    @cached_property
+    def _inputs(self) -> dict[int, Inputs]:
+        return {}
 
     def are_limited(self, limit: float) -> bool:
         """Whether the commands were recorded behind a limit (A, V): none is larger, or by no more than a reading may be

@@ -13,7 +13,7 @@ from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import fit as fitting
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.gathered import GatheredRuns
-from msl_fem.diagnosis.likelihood import Likelihood, columns_and_start_slopes
+from msl_fem.diagnosis.likelihood import Likelihood, put_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.shooting import REFINED, ModelSpread, Shooting
@@ -62,7 +62,7 @@ def test_starts_go_along_with_a_number(kind) -> None:
     here, led, _ = likelihood.spectra_and_starts(Points.of(unknowns, z[None]))
     here, nearer, _ = likelihood.spectra_and_starts(Points.of(unknowns, z[None], led))
     which = np.array([scale_of(kind)])
-    _, slopes = columns_and_start_slopes(likelihood, unknowns, z, which, here[0], led, nearer)
+    slopes = put_columns(np.empty((here[0].size, 1), order="F"), likelihood, unknowns, z, which, here[0], led, nearer)
 
     moved = z.copy()
     moved[which] += 4.0
