@@ -21,7 +21,6 @@ from msl_fem.diagnosis.noise import (
     NoiseWeights,
     ceilings,
     loudness,
-    transformed,
     weights_of,
 )
 from msl_fem.diagnosis.problem import (
@@ -34,7 +33,7 @@ from msl_fem.diagnosis.problem import (
     simulated_in_parts,
     simulated_residuals,
 )
-from msl_fem.diagnosis.row_loops import put_lines, put_slope
+from msl_fem.diagnosis.row_loops import add_squares, put_lines, put_slope
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.stretches import moved
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -540,14 +539,16 @@ class Likelihood:
         spent = np.zeros(int(self.labels.max()) + 1)
         at = 0
         for piece, (run, part) in enumerate(self.problem.pieces):
-            cut, lines = self.problem.cut(run), self.bands.lines[piece]
-            for n, name in enumerate(self.problem.channels(run)):
-                own = self._labels_of_runs[at : at + 2 * lines]
-                spent += self._share_invalid(run, part, name) * np.bincount(own, minlength=spent.size)
-                if cut is not None:
-                    squares = transformed(cut.orthonormal(n, part), lines) ** 2
-                    spent += np.bincount(own, weights=squares.sum(axis=0), minlength=spent.size)
-                at += 2 * lines
+            for name in self.problem.channels(run):
+                size = 2 * self.bands.lines[piece]
+                if share := self._share_invalid(run, part, name):
+                    spent += share * np.bincount(self._labels_of_runs[at : at + size], minlength=spent.size)
+                at += size
+        for run, own in enumerate(self._places_of_runs):
+            cut, numbers = self.problem.cut(run), np.empty((1, own.stop - own.start))
+            for columns in [] if cut is None else np.moveaxis(cut.orthonormal(), 1, 0):
+                self._put_numbers(numbers, np.zeros(1, dtype=np.intp), run, columns[:, None])
+                add_squares(np.zeros(spent.size), spent, numbers[0], self._labels_of_runs[own])
         return spent
 
     def _share_invalid(self, run: int, part: slice, name: str) -> float:

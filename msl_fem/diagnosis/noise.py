@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.row_loops import put_lines
+from msl_fem.diagnosis.row_loops import add_squares, put_lines
 from msl_fem.prediction import RunData
 from msl_fem.prediction.free_run import counted
 
@@ -201,8 +201,8 @@ class NoiseWeights:
 def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array, spent: Array | float = 0.0) -> NoiseWeights:
     """The most probable densities given a residual (n_number,), none above its ceiling (n_label,); of a band's numbers
     so many (n_label,) are `spent` on starts that were eliminated."""
-    count = np.bincount(labels) + PRIOR - spent
-    power = np.bincount(labels, weights=residual**2) + PRIOR
+    count, power = PRIOR - spent + np.zeros(len(ceilings)), np.full(len(ceilings), PRIOR)
+    add_squares(count, power, residual, labels)
     density = np.minimum(power / count, ceilings)
     nats = np.sum(count * (np.log(density) - 1) + power / density) / 2
-    return NoiseWeights(density, 1 / np.sqrt(density)[labels], float(nats))
+    return NoiseWeights(density, np.take(1 / np.sqrt(density), labels), float(nats))

@@ -87,3 +87,30 @@ def put_slope(column: Array | Slopes, moved: Array, before: Array, step: float) 
     """Sets a column (n_number,) to the slope between numbers before and behind a step."""
     for n in range(column.size):
         column[n] = (moved[n] - before[n]) / step
+
+
+@compiled
+def add_squares(count: Array, power: Array, numbers: Array, labels: NDArray[np.intp]) -> None:
+    """Adds 1 to the count and the square of each number to the power of its label, (n_label,) each. Neighbours mostly
+    have the same."""
+    total, begin = 0.0, 0
+    for n in range(labels.size):
+        total += numbers[n] * numbers[n]
+        if n + 1 == labels.size or labels[n + 1] != labels[n]:
+            power[labels[n]] += total
+            count[labels[n]] += n + 1 - begin
+            total, begin = 0.0, n + 1
+
+
+@compiled
+def put_gram(gram: Array, slopes: Array, begins: NDArray[np.intp]) -> None:
+    """S'S of each stretch (n_stretch, n_start, n_start), by slopes (n_channel, n_start, n_sample)."""
+    n_channel, n_start, n_sample = slopes.shape
+    for m in range(begins.size):
+        begin, end = begins[m], begins[m + 1] if m + 1 < begins.size else n_sample
+        for a in range(n_start):
+            for b in range(a + 1):
+                total = 0.0
+                for c in range(n_channel):
+                    total += _product(slopes[c, a, begin:end], slopes[c, b, begin:end])
+                gram[m, a, b] = gram[m, b, a] = total

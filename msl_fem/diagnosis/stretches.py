@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
-from msl_fem.diagnosis.row_loops import put_moves
+from msl_fem.diagnosis.row_loops import put_gram, put_moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,21 +80,19 @@ class Stretches:
         put_moves(moves, over, self.slopes, self.begins, self._inverse, leave_out)
         return moves
 
-    def orthonormal(self, channel: int, part: slice) -> Array:
-        """(n_start, n_sample) of a stretch: columns Q of a channel with S (S'S + 1)^-1 S' = Q Q'."""
-        stretch = int(np.searchsorted(self.begins, part.start))
-        root = np.linalg.cholesky(self._inverse[stretch])
-        return np.asarray(root.T @ self.slopes[channel][:, part])
+    def orthonormal(self) -> Array:
+        """(n_channel, n_start, n_sample), in each stretch columns Q with S (S'S + 1)^-1 S' = Q Q'."""
+        found = np.empty_like(self.slopes)
+        for root, part in zip(np.linalg.cholesky(self._inverse), self.parts(self.slopes.shape[-1]), strict=True):
+            found[:, :, part] = root.T @ self.slopes[:, :, part]
+        return found
 
     @cached_property
     def _inverse(self) -> Array:
         """(n_stretch, n_start, n_start) of S'S + 1."""
         n = self.slopes.shape[1]
-        gram = np.zeros((self.begins.size, n, n))
-        for s in self.slopes:
-            for a in range(n):
-                for b in range(n):
-                    gram[:, a, b] += np.add.reduceat(s[a] * s[b], self.begins)
+        gram = np.empty((self.begins.size, n, n))
+        put_gram(gram, self.slopes, self.begins)
         return np.asarray(np.linalg.inv(gram + np.eye(n)))
 
 

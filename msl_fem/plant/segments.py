@@ -139,10 +139,13 @@ def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segme
         filled = [units[min(k, len(units) - 1)] for k in range(LANES)]  # the last one fills up
         each = [(int(which[n]), segments[m]) for n, m in filled]
         begun = [lanes.begun_at(lane, lanes.settings.starts_of(lane)[one.stretch]) for lane, one in each]
-        samples = np.arange(length)[:, None] + [firsts[m] for _, m in filled]
-        samples = np.minimum(samples, lanes.n_sample - 1)  # behind its end a lane may go anywhere
-        asked = np.moveaxis(commands[samples], 2, 1)
-        block = lanes.block([lane for lane, _ in each], begun, asked, pushes[samples], _parts(lanes, each, length))
+        asked, pushed = np.empty((length, 2, LANES)), np.empty((length, LANES))
+        for k, (_, m) in enumerate(filled):
+            samples = slice(firsts[m], firsts[m] + length)
+            here = len(commands[samples])
+            asked[:here, :, k], pushed[:here, k] = commands[samples], pushes[samples]
+            asked[here:, :, k], pushed[here:, k] = commands[-1], pushes[-1]  # behind its end a lane may go anywhere
+        block = lanes.block([lane for lane, _ in each], begun, asked, pushed, _parts(lanes, each, length))
         for k, (n, m) in enumerate(units):
             one = segments[m]
             found[:, n, one.begin : one.end] = block[:, k, one.begin - firsts[m] : one.end - firsts[m]]

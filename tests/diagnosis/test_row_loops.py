@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis.noise import transformed
-from msl_fem.diagnosis.row_loops import put_lines, put_missed, put_moves, put_slope
+from msl_fem.diagnosis.row_loops import add_squares, put_gram, put_lines, put_missed, put_moves, put_slope
 
 CHANCE = np.random.default_rng(11)
 
@@ -57,3 +57,21 @@ def test_a_slope_is_kept_in_the_precision_of_its_column() -> None:
     column = np.empty(5, dtype=np.float32)
     put_slope(column, behind, before, 0.25)
     assert np.array_equal(column, ((behind - before) / 0.25).astype(np.float32))
+
+
+def test_squares_are_summed_by_label() -> None:
+    """Of labels in runs of any length, the last and single ones too."""
+    labels = np.array([2, 2, 0, 0, 0, 2, 1])
+    numbers, count, power = CHANCE.standard_normal(7), np.full(4, 0.5), np.ones(4)
+    add_squares(count, power, numbers, labels)
+    assert count == pytest.approx(0.5 + np.bincount(labels, minlength=4))
+    assert power == pytest.approx(1.0 + np.bincount(labels, weights=numbers**2, minlength=4), rel=1e-14)
+
+
+def test_the_gram_matrix_of_each_stretch_is_that_of_its_slopes() -> None:
+    slopes, begins = CHANCE.standard_normal((2, 3, 23)), np.array([0, 4, 13])
+    gram = np.empty((3, 3, 3))
+    put_gram(gram, slopes, begins)
+    for m, (begin, end) in enumerate([(0, 4), (4, 13), (13, 23)]):
+        own = slopes[:, :, begin:end]
+        assert gram[m] == pytest.approx(np.einsum("can,cbn->ab", own, own), rel=1e-12)

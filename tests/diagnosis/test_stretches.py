@@ -79,7 +79,7 @@ def test_the_numbers_spent_on_starts_are_the_trace_of_what_eliminates_them() -> 
     for n in range(2):
         for part in cut.parts(90):
             length = part.stop - part.start
-            spent += float(np.sum(transformed(cut.orthonormal(n, part), length // 2 + 1) ** 2))
+            spent += float(np.sum(transformed(cut.orthonormal()[n][:, part], length // 2 + 1) ** 2))
     white = np.array([np.eye(180)[:, :90], np.eye(180)[:, 90:]])
     kept = cut.without_starts(white)
     trace = sum(np.trace(values[n * 90 : (n + 1) * 90]) for n, values in enumerate(kept))
