@@ -101,8 +101,9 @@ def set_timing(p: PlantParameters, e: Rows, step: float, work: Rows) -> None:
 
 @compiled
 def terminal_voltage(
-    p: PlantParameters, current: Value, drop: Value, inductance: Value, target: Value, output: Value, ramp: Value
-) -> tuple[Value, Value, Flag]:
+    p: PlantParameters, w: Value, current: Value, drop: Value, inductance: Value, target: Value, output: Value,
+    ramp: Value,
+) -> tuple[Value, Value, Flag]:  # fmt: skip
     """(voltage V, di/dt A/s, whether the voltage limit acts) of a side.
 
     `drop` is R i + lambda_g dg/dt, what is left of the voltage where the current stands still. A voltage drive gives
@@ -114,11 +115,13 @@ def terminal_voltage(
     never = inductance < 0.0
     if p.drive != CURRENT_DRIVE:
         return output, (output - drop) / inductance, never
-    if np.isinf(first(p.bandwidth)):
+    if np.isinf(first(w)):
         return drop + inductance * ramp, ramp, never
-    slope = p.bandwidth * (target - current)
+    slope = w * (target - current)
     voltage = drop + inductance * slope
     over = size(voltage) > p.voltage_limit
+    if not some(over):
+        return voltage, slope, over
     most = choose(voltage < 0.0, 0.0 - p.voltage_limit, p.voltage_limit)
     return choose(over, most, voltage), choose(over, (most - drop) / inductance, slope), over
 

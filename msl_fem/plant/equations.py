@@ -59,7 +59,7 @@ from msl_fem.computing.lanes import (
     within,
 )
 from msl_fem.plant.drive import terminal_voltage
-from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux
+from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux, thermal
 from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
@@ -131,6 +131,10 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     A circuit's rows hold L, e, u + h + G e and R; those of a side that is not there L = 1, else 0.
     """
     share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
+    if not (_are_tied(e) or some(size(mutual) > 0.0)):
+        for j in range(p.sides):
+            _solve_circuit(p, e, work, inputs, j)
+        return
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
     r_1, r_2 = work[CIRCUIT_1 + RESISTANCE], work[CIRCUIT_2 + RESISTANCE]
     e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
@@ -193,12 +197,27 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 
 
 @compiled
+def _solve_circuit(p: PlantParameters, e: Rows, work: Rows, inputs: int, j: int) -> None:
+    """The same of side j where no lane has eddy currents or sees anything of another side."""
+    circuit = CIRCUIT_1 + j * N_CIRCUIT
+    current = work[circuit + MMF]
+    drop = work[circuit + RESISTANCE] * current + work[circuit + EMF] + work[LAW_VOLTAGE_1 + j]
+    voltage, slope, over = terminal_voltage(
+        p, e[electrical.BANDWIDTH], current, drop, work[circuit + INDUCTANCE], work[inputs + TARGET_1 + j],
+        work[inputs + OUTPUT_OF_1 + j], work[inputs + RAMP_1 + j],
+    )  # fmt: skip
+    work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
+    known = KNOWN_1 + j * N_KNOWN
+    work[circuit + SLOPE] = choose(work[known] > 0.0, work[known + KNOWN_SLOPE], slope)
+    work[circuit + VOLTAGE] = voltage
+    work[circuit + COIL_CURRENT] = current
+
+
+@compiled
 def _current_slopes(
     e: Rows, work: Rows, l_1: Value, l_2: Value, rho_1: Value, rho_2: Value, b_1: Value, b_2: Value
 ) -> tuple[Value, Value]:
-    """(a_1, a_2) of the two rows, by Cramer's rule; b where no side sees the other, and none has eddy currents."""
-    if not (_are_tied(e) or some(size(work[MUTUAL]) > 0.0)):
-        return b_1, b_2
+    """(a_1, a_2) of the two rows, by Cramer's rule."""
     row_1, row_2 = coupled_rows(e, work, l_1, l_2, rho_1, rho_2)
     return _both_slopes(work, b_1, b_2, row_1, row_2)
 
@@ -277,7 +296,7 @@ def rates(cells: Cells, p: PlantParameters, work: Rows, inputs: int, dy: int) ->
             motion = shared(cells, work, CIRCUIT_1 + j * N_CIRCUIT + SHARED_SLOPE, motion)
         drop = p.resistance * current + motion * velocity
         voltage, slope, over = terminal_voltage(
-            p, current, drop, inductance, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j],
+            p, p.bandwidth, current, drop, inductance, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j],
             work[inputs + RAMP_1 + j],
         )  # fmt: skip
         work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
@@ -465,6 +484,21 @@ def _eddy_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value, dy: int) 
 
 
 @compiled
+def warms(e: Rows) -> bool:
+    """Whether a coil's resistance is or becomes another one, in one lane at least."""
+    begins = size(e[electrical.HEAT_START]) + size(e[thermal.CORE_RISE])
+    begins = begins + size(e[thermal.RISE_1]) + size(e[thermal.RISE_2])
+    return some(e[electrical.HEAT_PER_JOULE] + begins > 0.0)
+
+
+@compiled
+def gives_way(e: Rows) -> bool:
+    """Whether a flexure relaxes, or there is a second mass or a base that gives way, in one lane at least."""
+    bodies = size(e[mechanical.CREEP_STIFFNESS]) + size(e[mechanical.COMPLIANCE])
+    return some(bodies + e[mechanical.MODE_STIFFNESS] > 0.0)
+
+
+@compiled
 def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
     """Slopes of the circuits' states: coil_heating warms R by what it dissipates; it cools towards its core."""
     power = copper = eddy = work[Y + V] - work[Y + V]
@@ -484,9 +518,10 @@ def _electrical_rates(p: PlantParameters, e: Rows, work: Rows, dy: int) -> None:
         eddy = eddy + lost
         work[dy + I1 + j] = work[circuit + SLOPE]
         work[dy + VOLT_SECONDS_1 + j] = voltage
-        above = work[Y + HEAT_1 + j] - work[Y + CORE_1 + j]
-        work[dy + HEAT_1 + j] = e[electrical.HEAT_PER_JOULE] * loss - e[electrical.COOLING] * above
-        work[dy + CORE_1 + j] = e[electrical.CORE_RATE] * above
+        if warms(e):
+            above = work[Y + HEAT_1 + j] - work[Y + CORE_1 + j]
+            work[dy + HEAT_1 + j] = e[electrical.HEAT_PER_JOULE] * loss - e[electrical.COOLING] * above
+            work[dy + CORE_1 + j] = e[electrical.CORE_RATE] * above
     if width(work) == 1:
         work[dy + ENERGY_ELECTRICAL] = power
         work[dy + ENERGY_COPPER] = copper
@@ -529,12 +564,18 @@ def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own:
 
     `force` is that of the plain model, `own` what effects hold against it, `on_base` what the base is pulled with.
     """
-    x, v, mode, mode_rate = work[Y + X], work[Y + V], work[Y + MODE], work[Y + MODE_RATE]
+    x, v = work[Y + X], work[Y + V]
+    acceleration = (force - p.damping * v - p.stiffness * x - own) / (e[mechanical.MODE_KEPT] * p.mass)
+    work[dy + X] = v
+    work[dy + V] = acceleration
+    if width(work) == 1:
+        work[dy + ENERGY_INTERNAL] = v - v
+    if not gives_way(e):
+        return
+    mode, mode_rate = work[Y + MODE], work[Y + MODE_RATE]
     base, base_rate, stretch = work[Y + BASE], work[Y + BASE_RATE], x - work[Y + CREEP]
     link = e[mechanical.MODE_STIFFNESS] * mode + e[mechanical.MODE_DAMPING] * mode_rate
-    plain = force - p.damping * v - p.stiffness * x - own
-    acceleration = plain / (e[mechanical.MODE_KEPT] * p.mass) + e[mechanical.MODE_RATIO] * link
-    work[dy + X] = v
+    acceleration = acceleration + e[mechanical.MODE_RATIO] * link
     work[dy + V] = acceleration
     work[dy + MODE] = mode_rate
     work[dy + MODE_RATE] = 0.0 - acceleration - link

@@ -212,7 +212,7 @@ def rows_between(
     """(status, samples done) of the time loop of `run` from the sample `begin` to `end` of n_sample, for one run or for
     lanes, the first into the first N_OUT rows of `table`; beyond `reach` (m) a lane ends. Commands (2 n_sample rows,
     those of a sample behind each other) and disturbance are those of all lanes, or of each. Not `whole`, rows are
-    without flux linkages and slopes of currents."""
+    without flux linkages, slopes of currents and limits reached."""
     status, done = OK, begin
     while done < end and status == OK:
         row = (done - begin) * N_OUT
@@ -220,14 +220,14 @@ def rows_between(
         if width(state) == 1 and not every(inside):
             status = OUTSIDE_TABLE
         else:
-            for n in range(4):
+            for n in range(4 if whole else 0):
                 table[row + OUT_AT_CURRENT_LIMIT_1 + n] = 0.0 - state[AT_CURRENT_LIMIT_1 + n]
             now, push = 2 * done, disturbance[done]
             ahead = now + 2 if linear and done + 1 < n_sample else now
             status = _hold(
                 stop, cells, p, e, state, work, reach, commands, now, ahead, push, step, n_sub, linear, whole
             )
-            for n in range(4):
+            for n in range(4 if whole else 0):
                 limit = row + OUT_AT_CURRENT_LIMIT_1 + n
                 table[limit] = table[limit] + state[AT_CURRENT_LIMIT_1 + n]
             for j in range(2):
@@ -351,7 +351,7 @@ def write_row(
     looked for: in a `whole` row, with flux linkages."""
     x, v = seen(e, state, 0)
     bandwidth = p.sensor_bandwidth if e is None else e[sensing.SENSOR_BANDWIDTH]
-    for n in range(N_OUT):
+    for n in range(N_OUT if whole else 0):
         row[start + n] = 0.0
     row[start + OUT_I1], row[start + OUT_I2] = state[COIL_1], state[COIL_2]
     row[start + OUT_X], row[start + OUT_V], row[start + OUT_SENSOR] = (

@@ -24,7 +24,7 @@ from msl_fem.plant.layout import (
     N_BLOCK,
     N_OUT,
     OUT_FLUX_1,
-    OUT_FLUX_2,
+    OUT_SENSOR_SLOPE,
     OUT_SLOPE_AFTER_1,
     OUT_SLOPE_BEFORE_2,
     SURFACE_START,
@@ -40,7 +40,7 @@ from msl_fem.plant.side import cells_of
 AT_A_TIME = 512
 """Samples of eight lanes that the kernel writes before they are put where they stay: 0.6 MB."""
 LINE = 64  # bytes of the cache that are read at once, as many as eight numbers have
-OF_WHOLE_ROWS = [OUT_FLUX_1, OUT_FLUX_2, *range(OUT_SLOPE_AFTER_1, OUT_SLOPE_BEFORE_2 + 1)]
+OF_WHOLE_ROWS = [*range(OUT_FLUX_1, OUT_SENSOR_SLOPE), *range(OUT_SLOPE_AFTER_1, OUT_SLOPE_BEFORE_2 + 1)]
 """Columns for which the kernel has to do more."""
 FEW = 1
 """Lanes that are faster one by one: eight together cost as much as one to one and a half alone."""

@@ -16,8 +16,8 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, choose, first, fma, lane_of, size, some, width
-from msl_fem.plant.effects import electrical, magnetic, mechanical, sensing, thermal
-from msl_fem.plant.equations import rates, rates_with_effects
+from msl_fem.plant.effects import magnetic, mechanical, sensing
+from msl_fem.plant.equations import gives_way, rates, rates_with_effects, warms
 from msl_fem.plant.fast_loop import (
     begin_corners,
     end_known_currents,
@@ -106,11 +106,8 @@ def moving(e: Rows) -> int:
     else:
         if some(e[magnetic.EDDY_MODE] > 0.0):
             return N_MOVING
-        heat = e[electrical.HEAT_PER_JOULE] + size(e[electrical.HEAT_START]) + size(e[thermal.CORE_RISE])
-        heat = heat + size(e[thermal.RISE_1]) + size(e[thermal.RISE_2])
-        bodies = e[mechanical.CREEP_STIFFNESS] + e[mechanical.MODE_STIFFNESS] + e[mechanical.COMPLIANCE]
-        read = size(e[sensing.COIL_READING_1]) + size(e[sensing.COIL_READING_2])
-        return N_OF_EFFECTS if some(heat + size(bodies) + read > 0.0) else N_PLAIN
+        reads = some(size(e[sensing.COIL_READING_1]) + size(e[sensing.COIL_READING_2]) > 0.0)
+        return N_OF_EFFECTS if reads or warms(e) or gives_way(e) else N_PLAIN
 
 
 @compiled
