@@ -131,7 +131,7 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
     A circuit's rows hold L, e, u + h + G e and R; those of a side that is not there L = 1, else 0.
     """
     share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
-    if not (_are_tied(e) or some(size(mutual) > 0.0)):
+    if p.sides == 1 or not (_are_tied(e) or some(size(mutual) > 0.0)):
         for j in range(p.sides):
             _solve_circuit(p, e, work, inputs, j)
         return
@@ -198,19 +198,25 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
 
 @compiled
 def _solve_circuit(p: PlantParameters, e: Rows, work: Rows, inputs: int, j: int) -> None:
-    """The same of side j where no lane has eddy currents or sees anything of another side."""
+    """The same of the only side, or of side j where no lane has eddy currents or sees anything of another side: the
+    equation of the plain model, with v = drop + L (1 + R G) a and a = w/(1 + w L G) (target - i0)."""
     circuit = CIRCUIT_1 + j * N_CIRCUIT
-    current = work[circuit + MMF]
+    current, inductance, eddy = work[circuit + MMF], work[circuit + INDUCTANCE], e[magnetic.EDDY]
     drop = work[circuit + RESISTANCE] * current + work[circuit + EMF] + work[LAW_VOLTAGE_1 + j]
+    w, stiffness, loops = e[electrical.BANDWIDTH], inductance, some(eddy > 0.0)
+    if loops and not (p.drive == CURRENT_DRIVE and np.isinf(first(w))):
+        w = w / (1.0 + w * inductance * eddy)
+        stiffness = inductance * (1.0 + work[circuit + RESISTANCE] * eddy)
     voltage, slope, over = terminal_voltage(
-        p, e[electrical.BANDWIDTH], current, drop, work[circuit + INDUCTANCE], work[inputs + TARGET_1 + j],
-        work[inputs + OUTPUT_OF_1 + j], work[inputs + RAMP_1 + j],
+        p, w, current, drop, stiffness, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j],
+        work[inputs + RAMP_1 + j],
     )  # fmt: skip
     work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
     known = KNOWN_1 + j * N_KNOWN
-    work[circuit + SLOPE] = choose(work[known] > 0.0, work[known + KNOWN_SLOPE], slope)
+    slope = choose(work[known] > 0.0, work[known + KNOWN_SLOPE], slope)
+    work[circuit + SLOPE] = slope
     work[circuit + VOLTAGE] = voltage
-    work[circuit + COIL_CURRENT] = current
+    work[circuit + COIL_CURRENT] = current + eddy * inductance * slope if loops else current
 
 
 @compiled
