@@ -198,11 +198,8 @@ def run_lanes(
     columns = _columns(settings.quantities, sides, late=_is_late(effects))
     lanes = Lanes(surface, plants, inputs, substeps, settings, columns)
     different, place = _different(lanes)
-    segments = segments_for(lanes, different)
-    if len(segments) > 1:
-        groups = [different[n : n + LANES] for n in range(0, different.size, LANES)]
-        blocks = [run_segments(lanes, group, segments) for group in groups]
-    else:
+    groups, blocks = _in_segments(lanes, different)
+    if not blocks:
         groups = _groups(different)
         blocks = in_threads(lambda group: _block_of(lanes, group), groups, settings.threads)
     for group, block in zip(groups, blocks, strict=True):
@@ -212,6 +209,17 @@ def run_lanes(
                 block[:, column] = lanes.alone(int(lane)).T[columns]
     stands = np.concatenate([LANES * k + np.arange(group.size) for k, group in enumerate(groups)])
     return LaneRun(tuple(blocks), columns, stands[place], effects, sides, inputs.rate)
+
+
+def _in_segments(lanes: Lanes, different: NDArray[np.intp]) -> tuple[list[NDArray[np.intp]], list[Array]]:
+    """(lanes that are together in a block, their blocks) of runs that are made in segments; none where they are not."""
+    segments = segments_for(lanes, different)
+    if len(segments) == 1:
+        return [], []
+    groups = [different[n : n + LANES] for n in range(0, different.size, LANES)]
+    found = [run_segments(lanes, group, segments) for group in groups]
+    blocks = [block for block in found if block is not None]
+    return (groups, blocks) if len(blocks) == len(groups) else ([], [])
 
 
 def _block_of(lanes: Lanes, group: NDArray[np.intp]) -> Array:

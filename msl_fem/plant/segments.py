@@ -3,8 +3,12 @@
 A stretch begins from a start of its own; from the one before it has what else a state holds. Where all of that settles
 within a time that is short against a run (lags of drive and sensor, commands that wait), a segment begins so much
 earlier that it has settled: first what commands alone move, then, from a start that none of it has moved, what follows
-mover and coils. Heat, eddy currents, the memory of iron and friction, second masses and a flexure's relaxation, which
+mover and coils. Heat, eddy currents, the memory of iron, second masses and a flexure's relaxation, which
 act on the mover that moves them or last long, do not settle so: such runs stay in one piece.
+
+A stop of friction forgets where it was as the mover goes on by twice its width (Brokate and Sprekels, Hysteresis and
+Phase Transitions, 1996, ch. 2). It acts on that mover, so what is left of it fades from stretch to stretch; whether the
+mover went so far is looked at behind the run, which else is made in one piece.
 """
 
 from collections.abc import Sequence
@@ -21,6 +25,7 @@ from msl_fem.plant.effects import electrical, expressions, magnetic, mechanical,
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
 from msl_fem.plant.lane_block import FEW, Lanes, Parts
+from msl_fem.plant.layout import OUT_X
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
 
 SETTLED = 40.0
@@ -37,7 +42,6 @@ _LASTING = [
     magnetic.EDDY,
     *range(magnetic.EDDY_MODE, magnetic.EDDY_MODE + N_EDDY),
     *range(magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_SLOPE + N_IRON_STOP),
-    *range(mechanical.FRICTION_SLOPE, mechanical.FRICTION_SLOPE + N_STOP),
     mechanical.MODE_STIFFNESS,
     mechanical.CREEP_STIFFNESS,
     mechanical.COMPLIANCE,
@@ -46,6 +50,8 @@ _LASTING = [
     expressions.LAWS,
 ]
 """Coefficients of what does not settle."""
+TRAVELS = 4
+"""Stretches in which the mover has to go far enough for the stops of friction to have forgotten where they began."""
 
 
 @dataclass(frozen=True)
@@ -60,25 +66,33 @@ class Segment:
 @dataclass(frozen=True)
 class Settling:
     """Samples in which what a state keeps over a start has settled: of what commands alone move, and of what follows
-    mover and coils; infinite where something does not."""
+    mover and coils; infinite where something does not. And how far (m) the mover has to go for friction to settle."""
 
     of_commands: float
     of_motion: float
+    of_friction: float = 0.0
 
 
 def lasts(e: Array | None) -> bool:
-    """Whether something of a state with effects of these coefficients (N_COEFFICIENT,) does not settle."""
-    return e is not None and bool(np.any(e[_LASTING] != 0.0))
+    """Whether something of a state with effects of these coefficients (N_COEFFICIENT,) outlives a start."""
+    return e is not None and (bool(np.any(e[_LASTING] != 0.0)) or _reach(e) > 0.0)
+
+
+def _reach(e: Array) -> float:
+    """How far (m) a mover goes until the widest stop of its friction has forgotten where it was."""
+    slopes, widths = (e[first : first + N_STOP] for first in (mechanical.FRICTION_SLOPE, mechanical.FRICTION_WIDTH))
+    return 2.0 * float(np.max(widths, where=slopes != 0.0, initial=0.0))
 
 
 def settling_of(p: PlantParameters, e: Array | None, *, crossed: float, step: float, n_step: int) -> Settling:
     """That of a plant by the coefficients (N_COEFFICIENT,) of its effects for n_step steps of `step` seconds a sample.
     A slew limit may have to follow commands over all that is `crossed` by them and by what holds a start's currents."""
     sample, bandwidth, sensor, late = n_step * step, p.bandwidth, p.sensor_bandwidth, 0.0
-    lag = slew = 0.0
+    lag = slew = reach = 0.0
     if e is not None:
-        if lasts(e):
+        if np.any(e[_LASTING] != 0.0):
             return Settling(np.inf, np.inf)
+        reach = _reach(e)
         bandwidth = e[electrical.BANDWIDTH]
         sensor = min(e[sensing.SENSOR_BANDWIDTH], e[sensing.COIL_READING_RATE])
         late = e[electrical.DELAY_SAMPLES] + e[electrical.JUMP_STEP] + e[electrical.JUMP_SHARE]
@@ -87,18 +101,24 @@ def settling_of(p: PlantParameters, e: Array | None, *, crossed: float, step: fl
             lag, slew = step / decay, e[electrical.SOFT] * step / decay
     driven = SETTLED * (lag + (0.0 if p.drive == CURRENT_DRIVE else 1.0 / bandwidth)) + slew * crossed
     waits = 0.0 if e is None or late == 0.0 else e[electrical.DELAY_SAMPLES] + 2.0
-    return Settling(float(driven / sample + waits), float(SETTLED / sensor / sample))
+    return Settling(float(driven / sample + waits), float(SETTLED / sensor / sample), reach)
 
 
 def segments_of(
-    begins: NDArray[np.int64], n_sample: int, count: int, settling: Settling, *, worth: float = WORTH
-) -> list[Segment]:
-    """At most `count` segments of about equal length; one where that is not worth it."""
+    begins: NDArray[np.int64], n_sample: int, count: int, settling: Settling, *, worth: float = WORTH,
+    goes: Array | float = 0.0,
+) -> list[Segment]:  # fmt: skip
+    """At most `count` segments of about equal length; one where that is not worth it. In each stretch the mover is to
+    go about as far as `goes` (n_stretch,), m."""
     whole = [Segment(0, n_sample, 0)]
     if count < 2 or begins.size < 2 * count or not np.isfinite(settling.of_commands + settling.of_motion):
         return whole
     firsts = np.unique(np.searchsorted(begins, np.linspace(0, n_sample, count, endpoint=False)))
     edges, settles = [*begins[firsts], n_sample], firsts
+    if settling.of_friction > 0.0:
+        enough = np.concatenate([[0], np.cumsum(goes > 2.0 * settling.of_friction + np.zeros(begins.size))])
+        settles = np.searchsorted(enough, enough[firsts] - TRAVELS, side="right") - 1
+        settles = np.maximum(settles, 0)  # where it begins a run is as it is
     for samples in (settling.of_motion, settling.of_commands):
         settles = np.maximum(np.searchsorted(begins, begins[settles] - np.ceil(samples), side="right") - 1, 0)
     made = [Segment(int(a), int(b), int(s)) for a, b, s in zip(edges[:-1], edges[1:], settles, strict=True)]
@@ -114,28 +134,30 @@ def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
     whole = count < 2 or not settings.in_segments or lanes.inputs.hold == "linear" or settings.own_inputs
     if whole or begins is None:
         return [Segment(0, lanes.n_sample, 0)]
-    least, most = commands.min(), commands.max()
+    least, most, goes = commands.min(), commands.max(), []
     timing = partial(settling_of, step=lanes.step, n_step=lanes.substeps)
     of = []
     for lane in which:
         p, effects = lanes.plants[lane], lanes.begun[lane][1]
         held = settings.starts_of(lane)[:, :2] * (1.0 if p.drive == CURRENT_DRIVE else p.resistance)
         crossed = np.ptp([held.min(), held.max(), least, most])
+        goes.append(np.abs(np.diff(settings.starts_of(lane)[:, 2], append=settings.starts_of(lane)[-1, 2])))
         of.append(timing(p, effects, crossed=float(crossed)))
     longest = Settling(*(max(values) for values in zip(*map(astuple, of), strict=True)))
     worth = WORTH if which.size > FEW else WORTH_OF_FEW
-    return segments_of(begins, lanes.n_sample, count, longest, worth=worth)
+    return segments_of(begins, lanes.n_sample, count, longest, worth=worth, goes=np.min(goes, axis=0))
 
 
-def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segment]) -> Array:
-    """(n_column, n_lane, n_sample) of lanes that are each run in segments."""
+def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segment]) -> Array | None:
+    """(n_column, n_lane, n_sample) of lanes that are each run in segments; None where friction has not settled."""
     begins = _begins(lanes)
     firsts = [int(begins[one.stretch]) for one in segments]
     length = max(one.end - first for one, first in zip(segments, firsts, strict=True))
     commands, pushes = lanes.inputs.for_sides(lanes.sides), np.asarray(lanes.inputs.disturbance)
     found = np.empty((lanes.columns.size, which.size, lanes.n_sample))
+    reach = max(0.0 if e is None else _reach(e) for _, e in (lanes.begun[lane] for lane in which))
 
-    def run(units: Sequence[tuple[int, int]]) -> None:
+    def run(units: Sequence[tuple[int, int]]) -> bool:
         filled = [units[min(k, len(units) - 1)] for k in range(LANES)]  # the last one fills up
         each = [(int(which[n]), segments[m]) for n, m in filled]
         begun = [lanes.begun_at(lane, lanes.settings.starts_of(lane)[one.stretch]) for lane, one in each]
@@ -149,10 +171,21 @@ def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segme
         for k, (n, m) in enumerate(units):
             one = segments[m]
             found[:, n, one.begin : one.end] = block[:, k, one.begin - firsts[m] : one.end - firsts[m]]
+        return reach == 0.0 or all(settled(block[x, k], segments[m]) for k, (_, m) in enumerate(units))
 
+    def settled(position: Array, one: Segment) -> bool:
+        """Whether the mover has gone far enough before a segment, in enough stretches."""
+        edges = begins[one.stretch : np.searchsorted(begins, one.begin)] - begins[one.stretch]
+        way = position[: one.begin - begins[one.stretch]]
+        if one.stretch == 0:
+            return True
+        least, most = np.minimum.reduceat(way, edges), np.maximum.reduceat(way, edges)
+        return int(np.count_nonzero(most - least >= reach)) >= TRAVELS
+
+    x = int(np.searchsorted(lanes.columns, OUT_X))
     units = [(n, m) for m in range(len(segments)) for n in range(which.size)]
-    in_threads(run, [units[at : at + LANES] for at in range(0, len(units), LANES)], lanes.settings.threads)
-    return found
+    done = in_threads(run, [units[at : at + LANES] for at in range(0, len(units), LANES)], lanes.settings.threads)
+    return found if all(done) else None
 
 
 def _begins(lanes: Lanes) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_block import Lanes, LaneSettings
 from msl_fem.plant.lane_run import LaneRun, run_lanes
 from msl_fem.plant.plant import plant_parameters, surface_of
-from msl_fem.plant.segments import Settling, segments_for, segments_of
+from msl_fem.plant.segments import Settling, run_segments, segments_for, segments_of
 from msl_fem.table.magnetic_table import MagneticTable
 
 N_SAMPLE, SHORT = 6000, 50
@@ -165,6 +165,40 @@ def test_a_sensor_s_lag_settles_behind_what_moves_the_mover(
 
     monkeypatch.setattr(segments_module, "settling_of", at_once)
     assert apart(lanes) > 1e-8
+
+
+def friction(lanes: Lanes, *, force: float, presliding: float, travel: float) -> Lanes:
+    """With friction, and starts of stretches that many metres apart, from side to side."""
+    vector = EffectValues({"coulomb_friction": {"force": force, "presliding": presliding}}).vector()
+    starts = lanes.settings.starts.copy()
+    starts[:, :, 2] += 0.5 * travel * (-1.0) ** np.arange(starts.shape[1])
+    effects = np.tile(vector, (len(lanes.plants), 1))
+    return replace(lanes, settings=replace(lanes.settings, effects=effects, starts=starts))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_friction_settles_where_the_mover_goes_far(
+    servo: Actuator, table: MagneticTable, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = lanes_of(servo, table, "current", np.tile(neutral_vector(), (count, 1)))
+    moving = friction(plain, force=0.3, presliding=5e-7, travel=2e-5)
+    assert count_of(moving) > 1
+    assert apart(moving) < 1e-10
+    assert count_of(friction(plain, force=0.3, presliding=2e-5, travel=2e-5)) == 1, "it does not go that far"
+    monkeypatch.setattr(segments_module, "TRAVELS", 0)
+    assert apart(moving) > 1e-8
+
+
+def test_a_mover_that_sticks_is_run_in_one_piece(servo: Actuator, table: MagneticTable) -> None:
+    """Its stretches begin far from one another, and in none of them it goes anywhere."""
+    stuck = friction(
+        lanes_of(servo, table, "current", neutral_vector()[None]), force=200.0, presliding=1e-6, travel=1e-4
+    )
+    stuck.settings.starts[:, :, 3] = 0.0
+    segments = segments_for(stuck, np.arange(1))
+    assert len(segments) > 1
+    assert run_segments(stuck, np.arange(1), segments) is None
+    assert apart(stuck) == 0.0
 
 
 def test_a_stretch_that_leaves_the_table_is_missing_alone(servo: Actuator, table: MagneticTable) -> None:
