@@ -47,6 +47,7 @@ from msl_fem.computing.lanes import (
     Rows,
     Value,
     choose,
+    every,
     exponential,
     first,
     hyperbolic_cosine,
@@ -128,13 +129,43 @@ from msl_fem.plant.user_laws import add_law_voltages, law_force
 def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None:
     """Slopes du/dt, voltages and coil currents of both sides into their circuits' rows, under inputs from that row.
 
-    A circuit's rows hold L, e, u + h + G e and R; those of a side that is not there L = 1, else 0.
+    A circuit's rows hold L, e, u + h + G e and R; those of a side that is not there L = 1, else 0. Of currents that are
+    known the voltages are not looked for.
     """
-    share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
-    if p.sides == 1 or not (_are_tied(e) or some(size(mutual) > 0.0)):
+    known = work[KNOWN_1] > 0.0
+    if p.sides == 2:
+        known = known & (work[KNOWN_1 + N_KNOWN] > 0.0)
+    if every(known):
+        for j in range(p.sides):
+            work[CIRCUIT_1 + j * N_CIRCUIT + SLOPE] = work[KNOWN_1 + j * N_KNOWN + KNOWN_SLOPE]
+    elif p.sides == 1 or not (_are_tied(e) or some(size(work[MUTUAL]) > 0.0)):
         for j in range(p.sides):
             _solve_circuit(p, e, work, inputs, j)
+    else:
+        _solve_both(p, e, work, inputs)
+    _put_coil_currents(p, e, work)
+
+
+@compiled
+def _put_coil_currents(p: PlantParameters, e: Rows, work: Rows) -> None:
+    """What the coils carry, by the magnetising currents and their slopes."""
+    if not _are_tied(e):
+        for j in range(p.sides):
+            work[CIRCUIT_1 + j * N_CIRCUIT + COIL_CURRENT] = work[CIRCUIT_1 + j * N_CIRCUIT + MMF]
         return
+    share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
+    a_1, a_2 = work[CIRCUIT_1 + SLOPE], work[CIRCUIT_2 + SLOPE]
+    d_1 = work[CIRCUIT_1 + INDUCTANCE] * a_1 + mutual * a_2
+    d_2 = work[CIRCUIT_2 + INDUCTANCE] * a_2 + mutual * a_1
+    u_1, u_2 = work[CIRCUIT_1 + MMF], work[CIRCUIT_2 + MMF]
+    work[CIRCUIT_1 + COIL_CURRENT] = unmix * (u_1 - share * u_2) + unmix * (eddy * d_1 - share * eddy * d_2)
+    work[CIRCUIT_2 + COIL_CURRENT] = unmix * (u_2 - share * u_1) + unmix * (eddy * d_2 - share * eddy * d_1)
+
+
+@compiled
+def _solve_both(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None:
+    """Slopes and voltages of two sides, whose circuits have a part in one another."""
+    share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
     r_1, r_2 = work[CIRCUIT_1 + RESISTANCE], work[CIRCUIT_2 + RESISTANCE]
     e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
@@ -190,21 +221,17 @@ def solve_circuits(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None
             v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1)
             v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2)
         _put_circuits(work, a_1, a_2, v_1, v_2)
-    a_1, a_2 = work[CIRCUIT_1 + SLOPE], work[CIRCUIT_2 + SLOPE]
-    d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
-    work[CIRCUIT_1 + COIL_CURRENT] = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
-    work[CIRCUIT_2 + COIL_CURRENT] = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
 
 
 @compiled
 def _solve_circuit(p: PlantParameters, e: Rows, work: Rows, inputs: int, j: int) -> None:
-    """The same of the only side, or of side j where no lane has eddy currents or sees anything of another side: the
+    """The same of the only one, or of side j where no lane has eddy currents or sees anything of another side: the
     equation of the plain model, with v = drop + L (1 + R G) a and a = w/(1 + w L G) (target - i0)."""
     circuit = CIRCUIT_1 + j * N_CIRCUIT
     current, inductance, eddy = work[circuit + MMF], work[circuit + INDUCTANCE], e[magnetic.EDDY]
     drop = work[circuit + RESISTANCE] * current + work[circuit + EMF] + work[LAW_VOLTAGE_1 + j]
-    w, stiffness, loops = e[electrical.BANDWIDTH], inductance, some(eddy > 0.0)
-    if loops and not (p.drive == CURRENT_DRIVE and np.isinf(first(w))):
+    w, stiffness = e[electrical.BANDWIDTH], inductance
+    if some(eddy > 0.0) and not (p.drive == CURRENT_DRIVE and np.isinf(first(w))):
         w = w / (1.0 + w * inductance * eddy)
         stiffness = inductance * (1.0 + work[circuit + RESISTANCE] * eddy)
     voltage, slope, over = terminal_voltage(
@@ -213,10 +240,8 @@ def _solve_circuit(p: PlantParameters, e: Rows, work: Rows, inputs: int, j: int)
     )  # fmt: skip
     work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
     known = KNOWN_1 + j * N_KNOWN
-    slope = choose(work[known] > 0.0, work[known + KNOWN_SLOPE], slope)
-    work[circuit + SLOPE] = slope
+    work[circuit + SLOPE] = choose(work[known] > 0.0, work[known + KNOWN_SLOPE], slope)
     work[circuit + VOLTAGE] = voltage
-    work[circuit + COIL_CURRENT] = current + eddy * inductance * slope if loops else current
 
 
 @compiled
