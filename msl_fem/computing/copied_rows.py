@@ -1,10 +1,10 @@
-"""Arrays copied and small matrices multiplied in loops, for compiled functions.
+"""Arrays copied, added and small matrices multiplied in loops, for compiled functions.
 
 Numba takes a second to compile `target[:] = source`, most of it for the words of the error where shapes differ, and
 longer for `a @ b`; of matrices this small a loop is as fast.
 """
 
-from msl_fem.computing.arrays import Array
+from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.computing.compiled import compiled
 
 
@@ -13,6 +13,13 @@ def copy_into(target: Array, source: Array) -> None:
     """Sets the numbers of a target (n,) to those of a source, which has as many."""
     for n in range(target.size):
         target[n] = source[n]
+
+
+@compiled
+def add_times(target: Array | Slopes, source: Array | Slopes, by: float) -> None:
+    """Adds so many times a source (n,) to a target (n,)."""
+    for n in range(target.size):
+        target[n] += by * source[n]
 
 
 @compiled

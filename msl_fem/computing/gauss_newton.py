@@ -19,6 +19,7 @@ from scipy.optimize import lsq_linear
 
 from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.copied_rows import add_times
 from msl_fem.computing.threads import in_threads
 from msl_fem.errors import ComputationError
 
@@ -285,9 +286,7 @@ def _add_product(made: Array, columns: Array | Slopes, move: Array) -> None:
     for begin in range(0, made.size, ROWS_AT_ONCE):
         part = made[begin : begin + ROWS_AT_ONCE]
         for k in range(move.size):
-            column = columns[k, begin : begin + ROWS_AT_ONCE]
-            for n in range(part.size):
-                part[n] += column[n] * move[k]
+            add_times(part, columns[k, begin : begin + ROWS_AT_ONCE], move[k])
 
 
 @compiled
@@ -296,9 +295,7 @@ def _add_to_each(columns: Array | Slopes, one: Array, times: Array) -> None:
     for begin in range(0, one.size, ROWS_AT_ONCE):
         part = one[begin : begin + ROWS_AT_ONCE]
         for k in range(times.size):
-            column = columns[k, begin : begin + ROWS_AT_ONCE]
-            for n in range(part.size):
-                column[n] += part[n] * times[k]
+            add_times(columns[k, begin : begin + ROWS_AT_ONCE], part, times[k])
 
 
 def bounded_step(matrix: Array, slope: Array, bounds: Array) -> Array:

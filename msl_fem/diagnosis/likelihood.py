@@ -75,6 +75,13 @@ def jacobian_columns(
     return columns
 
 
+def first_columns(likelihood: "Likelihood", unknowns: Unknowns, z: Array, count: int, residual: Array) -> Slopes:
+    """`jacobian_columns` of so many unknowns, in single precision."""
+    columns: Slopes = np.empty((residual.size, count), dtype=np.float32, order="F")
+    put_columns(columns, likelihood, unknowns, z, np.arange(count), residual)
+    return columns
+
+
 def put_columns(
     columns: Array | Slopes,
     likelihood: "Likelihood",
@@ -193,9 +200,8 @@ class Fit:
     def jacobian(self) -> Slopes:
         """(n_number, unknowns.size) of the residual, not weighted; computed once more where it was let go."""
         if self.columns.values is None:
-            every = np.arange(self.unknowns.size)
-            self.columns.values = np.empty((self.residual.size, every.size), dtype=np.float32, order="F")
-            put_columns(self.columns.values, self.likelihood, self.unknowns, self.z, every, self.residual)
+            count = self.unknowns.size
+            self.columns.values = first_columns(self.likelihood, self.unknowns, self.z, count, self.residual)
         return self.columns.values
 
     def lets_go(self) -> None:

@@ -18,7 +18,7 @@ from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import FIRST_LOOK, TINY, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
-from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, put_columns
+from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, first_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -562,9 +562,7 @@ class Refinement:
         residual = likelihood.spectra(Points.of(unknowns, z[None]))[0].copy()
         if not np.isfinite(residual).all():
             return None
-        columns = np.empty((residual.size, unknowns.n_nuisance), dtype=np.float32, order="F")
-        put_columns(columns, likelihood, unknowns, z, np.arange(unknowns.n_nuisance), residual)
-        return columns
+        return first_columns(likelihood, unknowns, z, unknowns.n_nuisance, residual)
 
     def _on(self, begun: Refit) -> Refit:
         """What began at small amounts, some steps on."""

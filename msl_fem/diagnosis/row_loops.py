@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.computing.compiled import compiled
+from msl_fem.computing.copied_rows import add_times
 
 
 @compiled
@@ -53,13 +54,7 @@ def put_moves(
             if leave_out:
                 for c in range(n_channel):
                     for k in range(n_start):
-                        _add(over[c, r, begin:end], slopes[c, k, begin:end], moves[r, m, k])
-
-
-@compiled
-def _add(row: Array, slope: Array, by: float) -> None:
-    for n in range(row.size):
-        row[n] += by * slope[n]
+                        add_times(over[c, r, begin:end], slopes[c, k, begin:end], moves[r, m, k])
 
 
 @compiled

@@ -23,3 +23,6 @@ def test_loops_give_what_numpy_gives() -> None:
     np.testing.assert_allclose(square, expected, rtol=1e-12, atol=1e-13)
     LOOPS.copy_into.py_func(target, x[1:])
     assert target.tolist() == x[1:].tolist()
+    once = x[1:].astype(np.float32)
+    LOOPS.add_times.py_func(target, once, 0.5)
+    np.testing.assert_allclose(target, 1.5 * x[1:], rtol=1e-6)
