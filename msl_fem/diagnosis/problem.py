@@ -352,7 +352,10 @@ def _surfaces(problem: FitProblem, unknowns: Unknowns, rows: Array) -> tuple[Sur
     if problem.table_error is None:
         return surface, None
     scale = np.array([unknowns.factors(z).get("magnetic_scale", 1.0) for z in rows])
-    numbers, index = np.unique(np.column_stack([scale, rows[:, unknowns.table_rows]]), axis=0, return_inverse=True)
+    every = np.column_stack([scale, rows[:, unknowns.table_rows]])
+    numbers, index = (
+        (every, np.zeros(1, dtype=np.intp)) if len(every) == 1 else np.unique(every, axis=0, return_inverse=True)
+    )
     change = np.tensordot(numbers[:, 1:], problem.table_error.modes, axes=1)
     coefficients = numbers[:, 0, None, None, None, None] * (surface.coefficients + change)
     return surface._replace(coefficients=coefficients), index.reshape(-1)

@@ -1,6 +1,7 @@
 """Excitations from texts ("sine:frequency=2 Hz,amplitude=0.4 mm,duration=1 s") or a TOML file, and a run's inputs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -250,6 +251,11 @@ class Inputs:
     def time(self) -> Array:
         """Instants of the samples in s, (n_sample,)."""
         return np.arange(self.commands.shape[0]) / self.rate
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """The least and the largest command."""
+        return float(self.commands.min()), float(self.commands.max())
 
     def for_sides(self, n_side: int) -> Array:
         """The commands as the kernel takes them, (n_sample, 2).

@@ -13,7 +13,8 @@ mover went so far is looked at behind the run, which else is made in one piece.
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from functools import partial
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from msl_fem.computing.threads import in_threads
 from msl_fem.plant.effects import electrical, expressions, magnetic, mechanical, sensing, thermal
 from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_IRON_STOP, N_STOP
+from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_block import FEW, Lanes, Parts
 from msl_fem.plant.layout import OUT_X
 from msl_fem.plant.plant import CURRENT_DRIVE, PlantParameters
@@ -129,45 +131,41 @@ def segments_of(
 def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
     """Those in which so few lanes are run that vectors and threads would have nothing to do; one where lanes may not be
     cut."""
-    settings, begins, commands = lanes.settings, lanes.settings.begins, lanes.inputs.commands
+    settings, begins = lanes.settings, lanes.settings.begins
     count = LANES * settings.threads // which.size
     whole = count < 2 or not settings.in_segments or lanes.inputs.hold == "linear" or settings.own_inputs
     if whole or begins is None:
         return [Segment(0, lanes.n_sample, 0)]
-    least, most, goes = commands.min(), commands.max(), []
     timing = partial(settling_of, step=lanes.step, n_step=lanes.substeps)
     of = []
     for lane in which:
         p, effects = lanes.plants[lane], lanes.begun[lane][1]
         held = settings.starts_of(lane)[:, :2] * (1.0 if p.drive == CURRENT_DRIVE else p.resistance)
-        crossed = np.ptp([held.min(), held.max(), least, most])
-        goes.append(np.abs(np.diff(settings.starts_of(lane)[:, 2], append=settings.starts_of(lane)[-1, 2])))
+        crossed = np.ptp([held.min(), held.max(), *lanes.inputs.span])
         of.append(timing(p, effects, crossed=float(crossed)))
     longest = Settling(*(max(values) for values in zip(*map(astuple, of), strict=True)))
     worth = WORTH if which.size > FEW else WORTH_OF_FEW
-    return segments_of(begins, lanes.n_sample, count, longest, worth=worth, goes=np.min(goes, axis=0))
+    goes: Array | float = 0.0
+    if longest.of_friction > 0.0:
+        positions = np.array([settings.starts_of(lane)[:, 2] for lane in which])
+        goes = np.abs(np.diff(positions, axis=1, append=positions[:, -1:])).min(axis=0)
+    return segments_of(begins, lanes.n_sample, count, longest, worth=worth, goes=goes)
 
 
 def run_segments(lanes: Lanes, which: NDArray[np.intp], segments: Sequence[Segment]) -> Array | None:
     """(n_column, n_lane, n_sample) of lanes that are each run in segments; None where friction has not settled."""
     begins = _begins(lanes)
     firsts = [int(begins[one.stretch]) for one in segments]
-    length = max(one.end - first for one, first in zip(segments, firsts, strict=True))
-    commands, pushes = lanes.inputs.for_sides(lanes.sides), np.asarray(lanes.inputs.disturbance)
     found = np.empty((lanes.columns.size, which.size, lanes.n_sample))
     reach = max(0.0 if e is None else _reach(e) for _, e in (lanes.begun[lane] for lane in which))
 
     def run(units: Sequence[tuple[int, int]]) -> bool:
         filled = [units[min(k, len(units) - 1)] for k in range(LANES)]  # the last one fills up
-        each = [(int(which[n]), segments[m]) for n, m in filled]
-        begun = [lanes.begun_at(lane, lanes.settings.starts_of(lane)[one.stretch]) for lane, one in each]
-        asked, pushed = np.empty((length, 2, LANES)), np.empty((length, LANES))
-        for k, (_, m) in enumerate(filled):
-            samples = slice(firsts[m], firsts[m] + length)
-            here = len(commands[samples])
-            asked[:here, :, k], pushed[:here, k] = commands[samples], pushes[samples]
-            asked[here:, :, k], pushed[here:, k] = commands[-1], pushes[-1]  # behind its end a lane may go anywhere
-        block = lanes.block([lane for lane, _ in each], begun, asked, pushed, _parts(lanes, each, length))
+        own = [int(which[n]) for n, _ in filled]
+        begun = [lanes.begun_at(lane, lanes.settings.starts_of(lane)[segments[m].stretch])
+                 for lane, (_, m) in zip(own, filled, strict=True)]  # fmt: skip
+        shares = _shares(lanes.inputs, lanes.sides, begins.tobytes(), tuple(segments), tuple(m for _, m in filled))
+        block = lanes.block(own, begun, shares.commands, shares.pushes, _parts(lanes, own, shares))
         for k, (n, m) in enumerate(units):
             one = segments[m]
             found[:, n, one.begin : one.end] = block[:, k, one.begin - firsts[m] : one.end - firsts[m]]
@@ -193,15 +191,49 @@ def _begins(lanes: Lanes) -> NDArray[np.int64]:
     return lanes.settings.begins
 
 
-def _parts(lanes: Lanes, each: Sequence[tuple[int, Segment]], length: int) -> Parts:
-    """Where the lanes of a block, each a segment of a run, are put to another start."""
-    begins = _begins(lanes)
-    own = [begins[one.stretch : np.searchsorted(begins, one.end)] - begins[one.stretch] for _, one in each]
+class _Shares(NamedTuple):
+    """What eight lanes, each a segment, are given: commands (n, 2, LANES), pushes (n, LANES), the edges (n_edge,) of
+    stretches in one of them at least and their end, which lanes begin another there (n_edge, LANES), which stretch of
+    the run each is in (n_edge, LANES), and samples since its last edge (n_edge, LANES)."""
+
+    commands: Array
+    pushes: Array
+    samples: NDArray[np.int64]
+    begins: NDArray[np.bool_]
+    stretch: NDArray[np.intp]
+    lengths: NDArray[np.int64]
+
+
+@lru_cache(maxsize=8)
+def _shares(
+    inputs: Inputs, sides: int, begins: bytes, segments: tuple[Segment, ...], which: tuple[int, ...]
+) -> _Shares:
+    """Those of some segments of a run; the same in all simulations of it until it is cut anew."""
+    every = np.frombuffer(begins, dtype=np.int64)
+    commands, pushes = inputs.for_sides(sides), np.asarray(inputs.disturbance)
+    length = max(one.end - int(every[one.stretch]) for one in segments)
+    asked, pushed = np.empty((length, 2, LANES)), np.empty((length, LANES))
+    own = []
+    for k, one in enumerate(segments[m] for m in which):
+        first = int(every[one.stretch])
+        here = len(commands[first : first + length])
+        asked[:here, :, k], pushed[:here, k] = commands[first : first + length], pushes[first : first + length]
+        asked[here:, :, k], pushed[here:, k] = commands[-1], pushes[-1]  # behind its end a lane may go anywhere
+        own.append(every[one.stretch : np.searchsorted(every, one.end)] - first)
     edges = np.unique(np.concatenate(own))
-    here, lengths = np.empty((edges.size, LANES), dtype=bool), np.zeros((edges.size, LANES))
-    starts = np.empty((edges.size, 4, LANES))
-    for k, ((lane, one), at) in enumerate(zip(each, own, strict=True)):
-        here[:, k] = np.isin(edges, at)
-        lengths[here[:, k], k] = np.diff(at, prepend=0) * lanes.substeps * lanes.step
-        starts[:, :, k] = lanes.settings.starts_of(lane)[one.stretch + np.cumsum(here[:, k]) - 1]
-    return Parts(np.column_stack([edges, [*edges[1:], length]]), here, starts, lengths)
+    begun, stretch = np.empty((edges.size, LANES), dtype=bool), np.empty((edges.size, LANES), dtype=np.intp)
+    lengths = np.zeros((edges.size, LANES), dtype=np.int64)
+    for k, at in enumerate(own):
+        begun[:, k] = np.isin(edges, at)
+        lengths[begun[:, k], k] = np.diff(at, prepend=0)
+        stretch[:, k] = segments[which[k]].stretch + np.cumsum(begun[:, k]) - 1
+    return _Shares(asked, pushed, np.column_stack([edges, [*edges[1:], length]]), begun, stretch, lengths)
+
+
+def _parts(lanes: Lanes, own: Sequence[int], shares: _Shares) -> Parts:
+    """Where the lanes of a block, each a segment of a run, are put to another start."""
+    starts = np.empty((len(shares.samples), 4, LANES))
+    for k, lane in enumerate(own):
+        starts[:, :, k] = lanes.settings.starts_of(lane)[shares.stretch[:, k]]
+    lengths = np.asarray(shares.lengths * lanes.substeps * lanes.step, dtype=float)
+    return Parts(shares.samples, shares.begins, starts, lengths)

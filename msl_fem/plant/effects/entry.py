@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 from msl_fem.computing.arrays import Array
@@ -232,7 +233,11 @@ class Effect:
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""
-        return {p.name: p for p in self.parameters}[name]
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, Parameter]:
+        return {p.name: p for p in self.parameters}
 
     @property
     def amounts(self) -> tuple[str, ...]:
