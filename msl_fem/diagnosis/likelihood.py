@@ -7,7 +7,7 @@ residual beside the starts is what counts. The colour of the noise is estimated 
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import compress
 
 import numpy as np
@@ -135,6 +135,13 @@ def _put_some(
 def numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts, float]:
     """What `spectra_and_starts` says; of runs that are followed as a whole no starts, which are nowhere else."""
     return likelihood.spectra_and_starts(points) if likelihood.is_cut else (likelihood.spectra(points), (), 0.0)
+
+
+@lru_cache(maxsize=2)
+def _residuals_at(problem: FitProblem, unknowns: Unknowns, z: bytes, substeps: int) -> list[Array]:
+    """Kept of the last points: excess and loudness there are asked for by several, one after the other."""
+    points = Points.of(unknowns, np.frombuffer(z)[None])
+    return simulated_residuals(problem, points, substeps=substeps)
 
 
 @dataclass(eq=False)
@@ -435,8 +442,7 @@ class Likelihood:
         Where the highest frequencies show an instrument louder than stated, over that (`noise.loudness`). What a zero
         that wanders accounts for is none of it.
         """
-        points = Points.of(found.unknowns, found.z[None])
-        simulated = simulated_residuals(self.problem, points, substeps=self.substeps)
+        simulated = self._residuals_at(found.unknowns, found.z)
         over, loud = self._over_and_loudness(simulated)
         power = {name: np.mean([np.mean(values**2) for values in runs]) for name, runs in over.items()}
         if found.unknowns.wanders in power:
@@ -450,9 +456,12 @@ class Likelihood:
         """Channel to how many times as loud as stated its instrument is, as far as a fit's residuals show it."""
         return self._loudness_at(found.unknowns, found.z)
 
+    def _residuals_at(self, unknowns: Unknowns, z: Array) -> list[Array]:
+        """`simulated_residuals` of one row, not to be changed."""
+        return _residuals_at(self.problem, unknowns, z.tobytes(), self.substeps)
+
     def _loudness_at(self, unknowns: Unknowns, z: Array) -> dict[str, float]:
-        points = Points.of(unknowns, z[None])
-        return self._over_and_loudness(simulated_residuals(self.problem, points, substeps=self.substeps))[1]
+        return self._over_and_loudness(self._residuals_at(unknowns, z))[1]
 
     def nats_of_noise(self, unknowns: Unknowns, z: Array) -> float:
         """S of white noise as loud as the runs' instruments show it at z."""

@@ -10,8 +10,10 @@ from short_menu import cut_menu
 
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis import likelihood as likelihood_module
 from msl_fem.diagnosis import runs as runs_module
 from msl_fem.diagnosis import shooting as shooting_module
+from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, _lane_settings, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
@@ -248,6 +250,30 @@ def test_a_model_is_fitted_over_parts_first_and_over_the_stretches_where_it_does
     assert (whole in lengths) == loses
     found = plain(settled.likelihood, settled.unknowns, settled.begin)
     assert max(found.excess.values()) < 1.1
+
+
+def test_what_is_left_at_a_fit_is_simulated_once_for_all_who_ask(short, table, monkeypatch) -> None:
+    believed = dynamic_runs(short, ModelHypothesis(short.actuator, table), [run_data(short, run) for run in short.runs])
+    found = fit(believed.likelihood, believed.unknowns, np.zeros(believed.unknowns.size), plan=FitPlan(most_steps=1))
+    asked: list[Points] = []
+    plain = likelihood_module.simulated_residuals
+
+    def noted(problem, points, **more):
+        asked.append(points)
+        return plain(problem, points, **more)
+
+    monkeypatch.setattr(likelihood_module, "simulated_residuals", noted)
+    elsewhere = replace(found, z=found.z + 0.5)
+    for _ in range(2):
+        one = replace(found, finished=True)  # a copy, which has been asked for nothing
+        excess = one.excess, one.likelihood.loudness(one), one.nats_of_noise
+        other = replace(elsewhere, finished=True).excess
+    assert len(asked) == 2
+    assert other != excess[0]
+    cut = found.likelihood.problem.cuts[0]
+    begun = found.likelihood.starting((cut.starts[None] + 1e-5,))
+    assert begun.excess(found) != excess[0]
+    assert len(asked) == 3
 
 
 def test_a_stable_plant_is_followed_as_a_whole(short, table) -> None:
