@@ -12,10 +12,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from msl_fem.computing.arrays import Slopes
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
-from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
 from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, ROUGH, Refinement, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
@@ -46,9 +45,9 @@ def best_first(
     return whole.best_first(candidates)
 
 
-def _rows(found: Fit, numbers: NDArray[np.bool_]) -> Slopes:
-    """Some rows of a fit's Jacobian, column by column as it is."""
-    return found.jacobian.T[:, numbers].T
+def _there(found: Fit, likelihood: Likelihood, numbers: NDArray[np.bool_]) -> Fit:
+    """A fit over the first part of its record, where it is."""
+    return fit_there(likelihood, found.unknowns, found.z, found.jacobian.T[:, numbers].T)
 
 
 def _over_first_part(base: Fit) -> Fit | None:
@@ -59,10 +58,9 @@ def _over_first_part(base: Fit) -> Fit | None:
     likelihood, numbers = whole.first_part()
     if base.objective - base.nats_of_noise < PLENTY * base.residual.size / np.count_nonzero(numbers):
         return None
-    there = fit_there(likelihood, base.unknowns, base.z, _rows(base, numbers))
-    if base.sane is not None:
-        sane = fit_there(likelihood, base.unknowns, base.sane.z, _rows(base.sane, numbers))
-        return replace(there, sane=sane)
+    there = _there(base, likelihood, numbers)
+    if base.sane is not None:  # over its own stretches: from where those of a lost model begin it may not get anywhere
+        return replace(there, sane=_there(base.sane, *base.sane.likelihood.first_part()))
     return fit(
         likelihood, base.unknowns, base.z, plan=FitPlan(LAST_STEPS, enough=ROUGH), goes_on=there, takes_columns=True
     )

@@ -143,6 +143,20 @@ def test_the_fit_over_the_first_part_is_at_its_end_there(base, long) -> None:
     assert lost.sane.residual.size == lost.residual.size == found.residual.size
 
 
+def test_what_a_lost_fit_was_last_at_begins_where_its_own_stretches_do(base, long) -> None:
+    """From where those of the lost model begin it may pull in at once, and there is no fit there."""
+    starts = tuple(own + 1e-9 for own in base.likelihood.problem.starts(1))
+    sane = replace(base, likelihood=base.likelihood.starting(starts))
+    lost = first_part._over_first_part(replace(base, sane=sane))
+    assert lost is not None
+    assert lost.sane is not None
+    own, numbers = sane.likelihood.first_part()
+    assert lost.sane.objective == pytest.approx(own.objective(sane.unknowns, sane.z))
+    every = sane.likelihood.spectra(Points.of(sane.unknowns, sane.z[None]))[0]
+    assert np.array_equal(lost.sane.residual, every[numbers])
+    assert not np.array_equal(lost.sane.residual, base.residual[numbers])
+
+
 def test_a_cause_is_the_same_by_either_way(kind, base, long, monkeypatch) -> None:
     """Its gain too, but for what a further step would bring."""
     names = ("coulomb_friction", "stiffness_nonlinearity", "fringing")
