@@ -94,6 +94,7 @@ class FitPlan:
     until : log evidence that ends it
     little : nats that a further step promises, below which some that fail in a row end a round
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
+    heats : whether it goes on where it has to begin with a heat
     fresh_begin, fresh_end : whether they, and all others, are those of the point where the fit goes on, and ends
     tell : is told at every model of the objective what a further step promises
     """
@@ -105,6 +106,7 @@ class FitPlan:
     until: float = np.inf
     little: float = 0.0
     renew: bool = True
+    heats: bool = True
     fresh_begin: bool = False
     fresh_end: bool = True
     tell: Callable[[str], None] | None = None
@@ -157,6 +159,8 @@ def fit(
         noise = likelihood.nats_of_noise(unknowns, z) if how.share else 0.0
         if sane is None and posterior.heat > 1.0:
             sane = _fit_at(posterior, *posterior.cooled(first, model), simulations, damping.first)
+            if not how.heats:
+                return replace(sane, sane=sane)
             sane = replace(sane, columns=Columns(sane.jacobian.copy("F"), sane.columns.gram))  # the model goes on
         renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
         settings = DescentSettings(

@@ -29,6 +29,7 @@ from msl_fem.plant.effects import find_parameter
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
 SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
 FIRST_STEPS = 20  # of a candidate that begins there
+WAYS = 4  # signs of its amounts with which it begins
 SIZES = np.geomspace(1 / 16, 512, 15)
 """Of the amounts of the leader that is begun at the belief, over those beside a model that has made up for it."""
 LEAST = 1 / 64  # of these amounts, with which starts of stretches are found before
@@ -207,8 +208,7 @@ class Refinement:
         kept, eliminated = _in_front([*further, *ended])
         let_go(eliminated)
         if self.lost:
-            self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
-            kept, behind = _in_front(self._together(self.from_small_amounts, kept))
+            kept, behind = self._lost_from_small_amounts(kept)
             eliminated += behind
         raced = self.raced(kept)
         let_go(sorted(raced, key=_by_gain)[1:])
@@ -232,6 +232,17 @@ class Refinement:
             (near if is_near else far).append(refit)
         converged = self._together(lambda refit: self.converged(refit, leads=False), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
+
+    def _lost_from_small_amounts(self, kept: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
+        """Candidates beside a model that is lost, begun once more, and those too far behind the best. Where the one in
+        front comes to leave noise alone and bends nothing, the others go on if they promise to come as far."""
+        self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
+        if not kept:
+            return [], []
+        first, *others = sorted(kept, key=_by_gain)
+        first = self.from_small_amounts(first, by_itself=True)
+        least = first.gain - NEAR if _leaves_noise(first) and not strained(first.fit) else -np.inf
+        return _in_front([first, *self._together(lambda one: self.from_small_amounts(one, least), others)])
 
     def _made_up_for(self, refits: Sequence[Refit]) -> list[Refit]:
         """Of all, the leader first, those of effects that gains make up for which come further from small amounts. They
@@ -517,7 +528,8 @@ class Refinement:
         that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
         all at the same time for a candidate `by_itself`. What may still lead after a few steps, and come to the least
         nats that count, goes on, the most promising as long as it may still: where two amounts nearly balance each
-        other, the likeliest beginning is the one whose unbalance suits, and the way is long."""
+        other, the likeliest beginning is the one whose unbalance suits, and the way is long. Of more than two amounts,
+        the likeliest `WAYS` signs are tried."""
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(gathered_here())
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
@@ -526,26 +538,29 @@ class Refinement:
         plan = FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH, fresh_end=False)
         columns = self._columns_without(likelihood, begin)
 
-        def along(way: Sequence[float]) -> Refit | None:
+        def along(way: Sequence[float]) -> tuple[float, Array]:
             rows = np.tile(begin, (len(SMALL), 1))
             rows[:, n : n + amounts] = np.outer(SMALL, way)
             rows = np.array([unknowns.allowed(row) for row in rows])
             costs = objectives(likelihood.gathering(gathered_here()), unknowns, rows)
-            return self._begun_anew(near, rows[int(np.argmin(costs))], plan, columns)
+            return float(costs.min()), rows[int(np.argmin(costs))]
 
-        ways = list(product((1.0, -1.0), repeat=amounts))
-        found = self._together(along, ways) if by_itself else list(map(along, ways))
+        def each(step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
+            return self._together(step, items) if by_itself else list(map(step, items))
+
+        ways = sorted(each(along, list(product((1.0, -1.0), repeat=amounts))), key=lambda way: way[0])
+        found = each(lambda way: self._begun_anew(near, way[1], plan, columns), ways[:WAYS])
         begun = sorted((one for one in found if one is not None), key=_by_gain)
         let_go(begun)
         ended: list[Refit] = []
         for one in begun:
             if any(max(other.fit.excess.values()) <= QUIET for other in ended):
                 break  # where one leaves noise alone the others have nothing to come to
-            if one.promised >= max(begun[0].gain, least):
+            if one.reach >= max(begun[0].gain, least) and (one.gain > refit.gain or not one.fit.stuck):
                 ended.append(self._on(one))
         for _ in range(MORE_LEGS if ended else 0):
-            far = max(ended, key=lambda one: one.promised)
-            if not far.promising or far.promised <= max(refit.gain, *(one.gain for one in ended)):
+            far = max(ended, key=lambda one: one.reach)
+            if not far.promising or far.reach <= max(refit.gain, *(one.gain for one in ended)):
                 break
             ended.append(self._on(far))
             ended.remove(far)

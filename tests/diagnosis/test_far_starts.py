@@ -82,6 +82,17 @@ def test_a_fit_that_begins_far_away_goes_there_without_detours(monkeypatch: pyte
     assert np.abs([z[1] for z in cold.visited]).max() > 1000
 
 
+def test_a_fit_that_is_not_to_be_heated_ends_where_it_would_be() -> None:
+    record = far()
+    found = fit(record, UNKNOWNS, np.zeros(2), plan=FitPlan(heats=False))  # type: ignore[arg-type]
+    assert found.sane is not None
+    assert np.array_equal(found.z, np.zeros(2))
+    assert len(record.followed_at) == 0
+    near = CutRecord(far().data - 1e4)
+    assert fit(near, UNKNOWNS, np.full(2, 1e-3), plan=FitPlan(heats=False)).sane is None  # type: ignore[arg-type]
+    assert near.followed_at
+
+
 def test_a_round_goes_on_with_the_damping_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
     first, last = [], iter([10.0, 1e7, 0.0, *[1.0] * 20])
 
@@ -263,7 +274,7 @@ def test_a_candidate_begins_at_the_belief_with_the_small_amount_that_suits_it(be
     anew = refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
     assert anew.gain == 5000.0
     above, below = [0.0, 0.0, SMALL[0]], [0.0, 0.0, -SMALL[1]]
-    assert [z.tolist() for z in begun] == [above, below, below], "each sign, and what came furthest goes on"
+    assert [z.tolist() for z in begun] == [below, above, below], "each sign, and what came furthest goes on"
     better = candidate([2 * SANE, 9.0, 5.0], 6000.0, Amounts())
     assert refinement([2 * SANE, 0.0]).from_small_amounts(better) is better
 
@@ -294,9 +305,58 @@ def test_by_itself_a_candidate_is_begun_with_all_signs_at_the_same_time(begun, m
     race = refinement([2 * SANE, 0.0])
     anew = race.from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()), by_itself=True)
     assert anew.gain == 5000.0
-    assert counts == [2]
+    assert counts == [2, 2], "where each is likeliest, and begun there"
     assert sorted(z[-1] for z in begun[:2]) == [-SMALL[1], SMALL[0]]
     assert begun[2][-1] == -SMALL[1]
+
+
+def test_of_three_amounts_the_four_likeliest_signs_are_tried(begun) -> None:
+    """Of eight: each costs a fit, and most come to the same end."""
+    amounts = tuple(EffectUnknown("sensor_drift", name) for name in ("offset", "rate", "acceleration"))
+    one = candidate([2 * SANE, 9.0, 0.0, 0.0, 5.0], 100.0, Amounts())
+    drift = Variant("sensor_drift", amounts)
+    fitted = replace(one.fit, unknowns=replace(UNKNOWNS, effects=drift.unknowns))
+    refinement([2 * SANE, 0.0]).from_small_amounts(replace(one, variant=drift, fit=fitted))
+    tried = [tuple(np.sign(z[2:])) for z in begun[:4]]
+    assert len(set(tried)) == 4
+    assert {way[-1] for way in tried} == {-1.0}, "those that go where the record is"
+    assert all(np.array_equal(z, begun[0]) or z.tolist() in [a.tolist() for a in begun[:4]] for z in begun)
+
+
+@pytest.mark.parametrize("stuck", [True, False])
+def test_what_no_step_leads_down_from_goes_no_further(begun, monkeypatch, stuck: bool) -> None:
+    """However much the linear model promises there."""
+    plain = Refinement._refit
+
+    def stays(self: Refinement, *which: object) -> Refit:
+        found = plain(self, *which)  # type: ignore[arg-type]
+        return replace(found, gain=-1e7, fit=replace(found.fit, predicted=1e9, stuck=stuck))
+
+    monkeypatch.setattr(Refinement, "_refit", stays)
+    refinement([2 * SANE, 0.0]).from_small_amounts(candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts()))
+    assert (len(begun) == 2) is stuck, "but the two signs"
+
+
+@pytest.mark.parametrize(("left", "moved", "least"), [(1.0, 0.0, 485.0), (9.0, 0.0, -np.inf), (1.0, 9.0, -np.inf)])
+def test_beside_a_lost_model_others_go_on_to_where_one_leaves_noise(
+    monkeypatch, left: float, moved: float, least: float
+) -> None:
+    """And bends nothing: else each may lead."""
+    asked: list[tuple[float, float, bool]] = []
+
+    def anew(self: Refinement, one: Refit, least: float = -np.inf, *, by_itself: bool = False) -> Refit:
+        asked.append((one.gain, least, by_itself))
+        return replace(one, gain=5 * one.gain)
+
+    monkeypatch.setattr(Refinement, "from_small_amounts", anew)
+    monkeypatch.setattr(fitting.Fit, "excess", {"position_m": left})
+    race = refinement([2 * SANE, 0.0], sane=base_at([1.0, 0.0]))
+    every = [candidate([moved, 0.0, 5.0], gain, Amounts()) for gain in (40.0, 100.0, 10.0)]
+    kept, behind = race._lost_from_small_amounts(every)
+    assert asked[0] == (100.0, -np.inf, True)
+    assert sorted(asked[1:]) == [(10.0, least, False), (40.0, least, False)]
+    assert [one.gain for one in (*kept, *behind)] == [500.0, 200.0, 50.0]
+    assert race._lost_from_small_amounts([]) == ([], [])
 
 
 def test_what_will_not_come_to_the_least_that_counts_goes_no_further(begun) -> None:
@@ -369,7 +429,7 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     race = refinement([2 * SANE, 0.0], sane=base_at([1.0, 0.0]))
     monkeypatch.setattr(Refinement, "screened", lambda self, score: candidate([0.0, 0.0, 5.0], -10.0, Amounts()))
     monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
-    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, refit: next(anew))
+    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, refit, *_, **__: next(anew))
     raced: list[float] = []
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: raced.extend(one.gain for one in kept) or list(kept))
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
