@@ -36,6 +36,7 @@ from msl_fem.plant.layout import (
     N_CIRCUIT,
     SHARED_ENERGY,
     SHARED_FLUX,
+    SLOW_CREEP,
     STOPS_1,
     STOPS_2,
     STOPS_X,
@@ -134,6 +135,7 @@ def _stored(surface: Surface, p: PlantParameters, e: Array | None, state: Array)
     moving = 0.5 * e[mechanical.MODE_KEPT] * p.mass * v**2 + 0.5 * e[mechanical.MODE_MASS] * (v + state[MODE_RATE]) ** 2
     spring = 0.5 * p.stiffness * x**2 + e[mechanical.QUADRATIC] * x**3 / 3 + e[mechanical.CUBIC] * x**4 / 4
     spring += 0.5 * e[mechanical.CREEP_STIFFNESS] * (x - state[CREEP]) ** 2
+    spring += 0.5 * e[mechanical.SLOW_CREEP_STIFFNESS] * (x - state[SLOW_CREEP]) ** 2
     spring += _in_stops(e, state, mechanical.FRICTION_SLOPE, STOPS_X, N_STOP)
     link = 0.5 * e[mechanical.MODE_MASS] * e[mechanical.MODE_STIFFNESS] * state[MODE] ** 2
     base = 0.5 * (e[mechanical.COMPLIANCE] * state[BASE] ** 2 + e[mechanical.BASE_INERTIA] * state[BASE_RATE] ** 2)

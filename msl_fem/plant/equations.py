@@ -110,6 +110,7 @@ from msl_fem.plant.layout import (
     SHARED_PULL,
     SHARED_SLOPE,
     SLOPE,
+    SLOW_CREEP,
     STOPS_1,
     STOPS_X,
     TARGET_1,
@@ -526,6 +527,7 @@ def warms(e: Rows) -> bool:
 def gives_way(e: Rows) -> bool:
     """Whether a flexure relaxes, or there is a second mass or a base that gives way, in one lane at least."""
     bodies = size(e[mechanical.CREEP_STIFFNESS]) + size(e[mechanical.COMPLIANCE])
+    bodies = bodies + size(e[mechanical.SLOW_CREEP_STIFFNESS])
     return some(bodies + e[mechanical.MODE_STIFFNESS] > 0.0)
 
 
@@ -566,6 +568,7 @@ def _suspension(e: Rows, state: Rows, work: Rows, settle: bool) -> tuple[Value, 
     x, slopes, widths = work[Y + X], mechanical.FRICTION_SLOPE, mechanical.FRICTION_WIDTH
     spring = (e[mechanical.QUADRATIC] + e[mechanical.CUBIC] * x) * x * x
     creep = e[mechanical.CREEP_STIFFNESS] * (x - work[Y + CREEP])
+    creep = creep + e[mechanical.SLOW_CREEP_STIFFNESS] * (x - work[Y + SLOW_CREEP])
     if not (some(e[slopes] > 0.0) or some(e[mechanical.SMOOTH_FRICTION] > 0.0)):
         return spring + creep, x - x
     change = x - state[ANCHOR_X]
@@ -604,13 +607,15 @@ def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own:
     if not gives_way(e):
         return
     mode, mode_rate = work[Y + MODE], work[Y + MODE_RATE]
-    base, base_rate, stretch = work[Y + BASE], work[Y + BASE_RATE], x - work[Y + CREEP]
+    base, base_rate = work[Y + BASE], work[Y + BASE_RATE]
+    stretch, slow_stretch = x - work[Y + CREEP], x - work[Y + SLOW_CREEP]
     link = e[mechanical.MODE_STIFFNESS] * mode + e[mechanical.MODE_DAMPING] * mode_rate
     acceleration = acceleration + e[mechanical.MODE_RATIO] * link
     work[dy + V] = acceleration
     work[dy + MODE] = mode_rate
     work[dy + MODE_RATE] = 0.0 - acceleration - link
     work[dy + CREEP] = e[mechanical.CREEP_RATE] * stretch
+    work[dy + SLOW_CREEP] = e[mechanical.SLOW_CREEP_RATE] * slow_stretch
     work[dy + BASE] = base_rate
     work[dy + BASE_RATE] = (
         e[mechanical.BASE_STIFFNESS] * (0.0 - on_base - base) - e[mechanical.BASE_DAMPING] * base_rate
@@ -619,7 +624,8 @@ def _motion(p: PlantParameters, e: Rows, work: Rows, dy: int, force: Value, own:
         base_loss = e[mechanical.BASE_INERTIA] * e[mechanical.BASE_DAMPING] * base_rate * base_rate
         mode_loss = e[mechanical.MODE_MASS] * e[mechanical.MODE_DAMPING] * mode_rate * mode_rate
         creep_loss = e[mechanical.CREEP_STIFFNESS] * e[mechanical.CREEP_RATE] * stretch * stretch
-        work[dy + ENERGY_INTERNAL] = base_loss + mode_loss + creep_loss
+        slow_loss = e[mechanical.SLOW_CREEP_STIFFNESS] * e[mechanical.SLOW_CREEP_RATE] * slow_stretch * slow_stretch
+        work[dy + ENERGY_INTERNAL] = base_loss + mode_loss + creep_loss + slow_loss
 
 
 @compiled

@@ -28,9 +28,10 @@ I1, I2, X, V = _STATE.rows(4)
 VOLT_SECONDS_1, VOLT_SECONDS_2 = _STATE.rows(2)
 N_PLAIN = _STATE.size
 # With some effects also: relative rise of the sides' resistances, and that which the core's temperature stands for; the
-# relaxed length of the flexure (m); second mass against the armature (m, m/s); force that the base has given way to
-# (N, N/s); what the position sensor sees of the coils' field (m), and its slope (m/s), known in closed form over a step
-HEAT_1, HEAT_2, CORE_1, CORE_2, CREEP, MODE, MODE_RATE, BASE, BASE_RATE = _STATE.rows(9)
+# relaxed lengths of the flexure's two branches (m); second mass against the armature (m, m/s); force that the base has
+# given way to (N, N/s); what the position sensor sees of the coils' field (m), and its slope (m/s), known in closed
+# form over a step
+HEAT_1, HEAT_2, CORE_1, CORE_2, CREEP, SLOW_CREEP, MODE, MODE_RATE, BASE, BASE_RATE = _STATE.rows(10)
 COIL_READING, COIL_READING_SLOPE = _STATE.rows(2)
 N_OF_EFFECTS = _STATE.size
 # With eddy currents in sheets: flux linkages that their modes follow (Wb), of side 1, then of side 2
@@ -196,7 +197,7 @@ def begin_at(
     """Puts the start of `initial_state` into a state that is zero."""
     state[I1], state[I2], state[X], state[V] = current_1, current_2, position, velocity
     state[COIL_1], state[COIL_2] = current_1, current_2
-    state[SENSOR] = state[CREEP] = state[ANCHOR_X] = position
+    state[SENSOR] = state[CREEP] = state[SLOW_CREEP] = state[ANCHOR_X] = position
     state[PHASE_COSINE] = 1.0
     held = p.drive != FORCE_DRIVE
     for j in range(2):

@@ -37,6 +37,7 @@ from msl_fem.plant.layout import (
     SHARED_FLUX,
     SLEW_1,
     SLEW_2,
+    SLOW_CREEP,
     V,
     X,
 )
@@ -89,6 +90,7 @@ def restart(
     state[ANCHOR_X] = state[ANCHOR_X] + by
     if e is not None:
         state[CREEP] = state[CREEP] + _followed(e[mechanical.CREEP_RATE] * length) * by
+        state[SLOW_CREEP] = state[SLOW_CREEP] + _followed(e[mechanical.SLOW_CREEP_RATE] * length) * by
     state[X] = starts[2]
     state[V] = starts[3]
     state[HELD] = 0.0

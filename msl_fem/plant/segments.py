@@ -46,6 +46,7 @@ _LASTING = [
     *range(magnetic.HYSTERESIS_SLOPE, magnetic.HYSTERESIS_SLOPE + N_IRON_STOP),
     mechanical.MODE_STIFFNESS,
     mechanical.CREEP_STIFFNESS,
+    mechanical.SLOW_CREEP_STIFFNESS,
     mechanical.COMPLIANCE,
     sensing.FORCE_COSINE,
     sensing.FORCE_SINE,

@@ -88,7 +88,8 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
     stiffness = plant.stiffness
     if "flexure_relaxation" in present:
         rates["flexure_relaxation"] = 1.0 / effects.get("flexure_relaxation", "time_constant")
-        stiffness += effects.get("flexure_relaxation", "strength") * own_stiffness(plant)
+        relaxes = effects.get("flexure_relaxation", "strength") + effects.get("flexure_relaxation", "slow_strength")
+        stiffness += relaxes * own_stiffness(plant)
     if "coulomb_friction" in present:
         friction, of_stops = _friction_rate(plant, effects)
         stiffness += of_stops

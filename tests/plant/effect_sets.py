@@ -26,7 +26,7 @@ ALL_EFFECTS = EffectValues({
     "coulomb_friction": {"force": 0.1, "presliding": 5e-6},
     "squeeze_film": {"damping": 1.0},
     "structural_mode": {"mass_share": 0.02, "load_reading": 0.1},
-    "flexure_relaxation": {"strength": 0.02, "time_constant": 0.05},
+    "flexure_relaxation": {"strength": 0.02, "slow_strength": 0.01, "time_constant": 0.05},
     "force_offset": {"force": 0.3},
     "support_compliance": {"compliance": 1e-8},
     "position_sensor_nonlinearity": {"gain_error": 0.01, "quadratic": 5.0, "cubic": 1e4},

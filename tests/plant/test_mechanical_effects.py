@@ -64,6 +64,28 @@ def test_a_flexure_creeps_and_recovers() -> None:
     assert run.audit.internal > 0
 
 
+def test_a_spectrum_of_relaxation_times_is_told_by_a_second_branch_a_decade_slower() -> None:
+    """A generalised Maxwell model of two branches, by its matrix exponential; what they lose is in the audit."""
+    m, k, c, tau, (r, s) = 0.5, 2000.0, 80.0, 0.02, (0.2, 0.1)
+    a = np.array(
+        [
+            [0, 1, 0, 0],
+            [-k * (1 + r + s) / m, -c / m, k * r / m, k * s / m],
+            [1 / tau, 0, -1 / tau, 0],
+            [0.1 / tau, 0, 0, -0.1 / tau],
+        ]
+    )
+    forces = np.where(np.arange(1500) < 750, 6.0, 0.0)
+    exact = held_steps(a, np.array([0, 1 / m, 0, 0]), forces, 1e-3)
+    for fast, slow in ((r, s), (0.0, s)):
+        values = effects("flexure_relaxation", strength=fast, slow_strength=slow, time_constant=tau)
+        run = simulate(rig(damping="80 N s/m"), None, Inputs(forces[:, None], 1e3), effects=values, options=FINE)
+        near = np.abs(run.position - exact[:, 0]).max()
+        assert bool(near < 1e-9 * 3e-3) is (fast > 0)
+        assert run.audit.internal > 0
+        assert abs(run.audit.imbalance) < 1e-9
+
+
 def test_what_relaxes_beside_a_mover_without_a_spring_is_told_over_one_of_twenty_hertz() -> None:
     """As cables and hoses do: the standard linear solid alone, by its matrix exponential."""
     r, tau, bench = 0.3, 0.05, changed(rig(damping="80 N s/m"), motion={"stiffness": 0.0})

@@ -33,6 +33,7 @@ MODE_KEPT, MODE_RATIO = LAYOUT.rows(2)  # share of the mass that moves with the 
 MODE_STIFFNESS, MODE_DAMPING = LAYOUT.rows(2)  # of the second mass: w^2, 2 zeta w
 MODE_MASS, MODE_READING = LAYOUT.rows(2)  # of the second mass, kg; share of its motion that is read
 CREEP_STIFFNESS, CREEP_RATE = LAYOUT.rows(2)  # what relaxes, N/m; its rate, 1/s
+SLOW_CREEP_STIFFNESS, SLOW_CREEP_RATE = LAYOUT.rows(2)  # the same of the slower branch
 COMPLIANCE, BASE_INERTIA = LAYOUT.rows(2)  # of the base, m/N; compliance over w^2, kg (m/N)^2
 BASE_STIFFNESS, BASE_DAMPING = LAYOUT.rows(2)  # of the base: w^2, 2 zeta w
 FORCE = LAYOUT.row()  # constant, N
@@ -115,10 +116,15 @@ def _second_mass_force(v: Values, plant: PlantParameters, motion: MoverMotion) -
     return plant.mass * v["structural_mode", "mass_share"] * motion.mode_acceleration
 
 
+DECADE = 10.0
+"""Times slower than the first that the second branch relaxes: a spectrum of times is told in steps of a decade."""
+
+
 def _relaxation(e: Array, v: Values, setting: KernelSetting) -> None:
-    strength = v["flexure_relaxation", "strength"]
-    e[CREEP_STIFFNESS] = strength * own_stiffness(setting.plant)
-    e[CREEP_RATE] = 1.0 / v["flexure_relaxation", "time_constant"] if strength else 0.0
+    fast, slow = v["flexure_relaxation", "strength"], v["flexure_relaxation", "slow_strength"]
+    own, rate = own_stiffness(setting.plant), 1.0 / v["flexure_relaxation", "time_constant"]
+    e[CREEP_STIFFNESS], e[CREEP_RATE] = fast * own, rate if fast else 0.0
+    e[SLOW_CREEP_STIFFNESS], e[SLOW_CREEP_RATE] = slow * own, rate / DECADE if slow else 0.0
 
 
 def _constant_force(e: Array, v: Values, setting: KernelSetting) -> None:
@@ -318,8 +324,10 @@ MECHANICAL = (
         name="flexure_relaxation",
         group="mechanical",
         sentence="creep or viscoelastic stiffness",
-        equation="force -strength k (x - y), time_constant y' = x - y: the standard linear solid",
-        source="Zener, Elasticity and Anelasticity of Metals, 1948, ch. 5",
+        equation="force -k (strength (x - y) + slow_strength (x - z)), time_constant y' = x - y, "
+        "10 time_constant z' = x - z: the standard linear solid, or two branches of a generalised Maxwell model",
+        source="Zener, Elasticity and Anelasticity of Metals, 1948, ch. 5; Tschoegl, The Phenomenological Theory of "
+        "Linear Viscoelastic Behavior, 1989, ch. 3",
         parameters=(
             Parameter(
                 "strength",
@@ -328,6 +336,14 @@ MECHANICAL = (
                 (0.0, 5.0),
                 0.01,
                 "stiffness that relaxes, over that which stays; without a spring over one of 20 Hz with the mover",
+            ),
+            Parameter(
+                "slow_strength",
+                "",
+                0.0,
+                (0.0, 5.0),
+                0.01,
+                "the same of what relaxes ten times more slowly: creep has a spectrum of times",
             ),
             Parameter(
                 "time_constant",
@@ -344,6 +360,7 @@ MECHANICAL = (
         coefficients=_relaxation,
         design=Part(declined="it is slower than the loop, whose integrator takes it"),
         inverse=Part(declined="a share of the spring relaxes, and a carriage has none"),
+        sets=(("strength",), ("strength", "slow_strength")),
         static=NOT_AT_REST,
         advice="look for adhesive, plastics and loose clamps in the suspension, for cables and hoses",
     ),
