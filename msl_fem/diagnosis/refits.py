@@ -29,7 +29,7 @@ from msl_fem.plant.effects import find_parameter
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
 SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
 FIRST_STEPS = 20  # of a candidate that begins there
-WAYS = 4  # signs of its amounts with which it begins
+WAYS = 4  # combinations of its amounts' signs with which it begins at most
 SIZES = np.geomspace(1 / 16, 512, 15)
 """Of the amounts of the leader that is begun at the belief, over those beside a model that has made up for it."""
 LEAST = 1 / 64  # of these amounts, with which starts of stretches are found before
@@ -554,7 +554,7 @@ class Refinement:
         let_go(begun)
         ended: list[Refit] = []
         for one in begun:
-            if any(max(other.fit.excess.values()) <= QUIET for other in ended):
+            if any(_leaves_noise(other) for other in ended):
                 break  # where one leaves noise alone the others have nothing to come to
             if one.reach >= max(begun[0].gain, least) and (one.gain > refit.gain or not one.fit.stuck):
                 ended.append(self._on(one))
