@@ -182,7 +182,7 @@ def _run(
             before[:] = state
         begin_rows(parameters, e, rows, work, step)
         status, done = rows_between(
-            stop, cells, parameters, e, rows, work, np.inf, asked, pushed, end, begin, end, step, n_sub,
+            stop, cells, parameters, e, rows, work, np.inf, asked, pushed, len(out), begin, end, step, n_sub,
             rows_of(every[begin * N_OUT :]), linear, True,
         )  # fmt: skip
     keep(memory)

@@ -94,12 +94,11 @@ class LaneSettings:
     def own_inputs(self) -> bool:
         return self.more is not None or self.pushes is not None
 
-    def stretches(self, n_sample: int, *, linear: bool = False) -> NDArray[np.int64]:
-        """(n_stretch, 2) the samples from and to of each stretch; where commands run straight from one sample to the
-        next, and the first sample behind it, which the next stretch writes anew."""
+    def stretches(self, n_sample: int) -> NDArray[np.int64]:
+        """(n_stretch, 2) the samples from and to of each stretch."""
         if self.begins is None:
             return np.array([[0, n_sample]])
-        return np.column_stack([self.begins, [*(self.begins[1:] + linear), n_sample]])
+        return np.column_stack([self.begins, [*self.begins[1:], n_sample]])
 
 
 class Parts(NamedTuple):
@@ -171,9 +170,9 @@ class Lanes:
     def block(
         self, lanes: Sequence[int], begun: Sequence[Begun], commands: Array, pushes: Array, parts: Parts
     ) -> Array:
-        """(n_column, LANES, n_sample) of eight lanes that begin so, under commands (n_sample, 2) and pushes (n_sample,)
-        of all, or with an axis (LANES,) more those of each."""
-        out = np.empty((self.columns.size, LANES, len(commands)))
+        """(n_column, LANES, n_sample) of eight lanes that begin so and go to the end of the last part, under commands
+        (n_sample or more, 2) and pushes (n_sample,) of all, or with an axis (LANES,) more those of each."""
+        out = np.empty((self.columns.size, LANES, int(parts.samples[-1, 1])))
         block, linear = self._block(np.array(lanes), begun), self.inputs.hold == "linear"
         asked = np.ascontiguousarray(commands).reshape(-1, *commands.shape[2:])
         pushed = np.ascontiguousarray(pushes)
@@ -190,7 +189,7 @@ class Lanes:
         inputs = self.settings.inputs_of(self.inputs, lane)
         commands, linear = inputs.for_sides(self.sides), inputs.hold == "linear"
         out = np.empty((self.n_sample, N_OUT))
-        stretches = self.settings.stretches(len(out), linear=linear), self.settings.starts_of(lane)
+        stretches = self.settings.stretches(len(out)), self.settings.starts_of(lane)
         _, done = kernel.run(
             self.own_surface(lane), self.plants[lane], effects, state.copy(), commands, np.asarray(inputs.disturbance),
             self.step, self.substeps, out, linear, stretches,
@@ -262,8 +261,8 @@ def _run_block(
     columns: NDArray[np.intp], written: Array, out: Array, parts: Parts, linear: bool, whole: bool,
 ) -> None:  # fmt: skip
     """`kernel.run` over stretches for eight lanes: into `out` (n_column, LANES, n_sample) some of the kernel's columns;
-    a lane that cannot go on is nan from there. Commands (2 n_sample,) and disturbance (n_sample,) are those of all, or
-    with an axis (LANES,) more those of each. What the kernel has `written` (AT_A_TIME N_OUT, LANES) stays in the
+    a lane that cannot go on is nan from there. Commands (2 n_sample or more,) and disturbance (n_sample,) are those of
+    all, or with an axis (LANES,) more those of each. What the kernel has `written` (AT_A_TIME N_OUT, LANES) stays in the
     cache."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
@@ -297,7 +296,7 @@ def _run_block(
     starts, lengths = parts.starts, parts.lengths
     before, state_there, work_there = block.state.copy(), block.state.copy(), block.work.copy()
     asked, pushed, table, kept = rows_of(commands), rows_of(disturbance), rows_of(written), rows_of(before)
-    took = rows_of(lengths)
+    took, n_command = rows_of(lengths), len(commands) // 2
     for m in range(len(parts.samples)):
         others = not np.all(parts.begins[m])
         if others:
@@ -318,7 +317,7 @@ def _run_block(
         for begin in range(parts.samples[m, 0], end, AT_A_TIME):
             upto = min(begin + AT_A_TIME, end)
             kernel.rows_between(
-                None, cells, p, e, state, work, block.reach, asked, pushed, end, begin, upto, step, n_sub, table,
+                None, cells, p, e, state, work, block.reach, asked, pushed, n_command, begin, upto, step, n_sub, table,
                 linear, whole,
             )  # fmt: skip
             for n in range(upto - begin):

@@ -230,7 +230,7 @@ def _block_of(lanes: Lanes, group: NDArray[np.intp]) -> Array:
         if settings.begins is None or np.isfinite(rows[:, OUT_X]).all():  # else time has stood still in it
             return rows.T[lanes.columns][:, None]
     own = [int(group[min(k, group.size - 1)]) for k in range(LANES)]  # the last one fills up
-    samples = settings.stretches(lanes.n_sample, linear=lanes.inputs.hold == "linear")
+    samples = settings.stretches(lanes.n_sample)
     lengths = np.diff(samples[:, 0], prepend=0) * lanes.substeps * lanes.step
     starts = np.array([settings.starts_of(lane) for lane in own]).transpose(1, 2, 0)
     every = np.ones((len(samples), LANES), dtype=bool)

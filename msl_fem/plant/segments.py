@@ -134,7 +134,7 @@ def segments_for(lanes: Lanes, which: NDArray[np.intp]) -> list[Segment]:
     cut."""
     settings, begins = lanes.settings, lanes.settings.begins
     count = LANES * settings.threads // which.size
-    whole = count < 2 or not settings.in_segments or lanes.inputs.hold == "linear" or settings.own_inputs
+    whole = count < 2 or not settings.in_segments or settings.own_inputs
     if whole or begins is None:
         return [Segment(0, lanes.n_sample, 0)]
     timing = partial(settling_of, step=lanes.step, n_step=lanes.substeps)
@@ -193,9 +193,10 @@ def _begins(lanes: Lanes) -> NDArray[np.int64]:
 
 
 class _Shares(NamedTuple):
-    """What eight lanes, each a segment, are given: commands (n, 2, LANES), pushes (n, LANES), the edges (n_edge,) of
-    stretches in one of them at least and their end, which lanes begin another there (n_edge, LANES), which stretch of
-    the run each is in (n_edge, LANES), and samples since its last edge (n_edge, LANES)."""
+    """What eight lanes, each a segment, are given: commands (n + 1, 2, LANES), as they may rise behind a sample to the
+    next, pushes (n + 1, LANES), the edges (n_edge,) of stretches in one of them at least and their end, which lanes
+    begin another there (n_edge, LANES), which stretch of the run each is in (n_edge, LANES), and samples since its last
+    edge (n_edge, LANES)."""
 
     commands: Array
     pushes: Array
@@ -213,12 +214,12 @@ def _shares(
     every = np.frombuffer(begins, dtype=np.int64)
     commands, pushes = inputs.for_sides(sides), np.asarray(inputs.disturbance)
     length = max(one.end - int(every[one.stretch]) for one in segments)
-    asked, pushed = np.empty((length, 2, LANES)), np.empty((length, LANES))
+    asked, pushed = np.empty((length + 1, 2, LANES)), np.empty((length + 1, LANES))
     own = []
     for k, one in enumerate(segments[m] for m in which):
         first = int(every[one.stretch])
-        here = len(commands[first : first + length])
-        asked[:here, :, k], pushed[:here, k] = commands[first : first + length], pushes[first : first + length]
+        here = len(commands[first : first + length + 1])
+        asked[:here, :, k], pushed[:here, k] = commands[first : first + here], pushes[first : first + here]
         asked[here:, :, k], pushed[here:, k] = commands[-1], pushes[-1]  # behind its end a lane may go anywhere
         own.append(every[one.stretch : np.searchsorted(every, one.end)] - first)
     edges = np.unique(np.concatenate(own))

@@ -11,9 +11,9 @@ from effect_sets import ALL_EFFECTS, rough
 from msl_fem.actuator import Actuator
 from msl_fem.plant import segments as segments_module
 from msl_fem.plant.effects import EffectValues, find_effect, find_parameter, neutral_vector
-from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.lane_block import Lanes, LaneSettings
 from msl_fem.plant.lane_run import LaneRun, run_lanes
+from msl_fem.plant.layout import OUT_I1, OUT_I2, OUT_V, OUT_X
 from msl_fem.plant.plant import plant_parameters, surface_of
 from msl_fem.plant.segments import Settling, run_segments, segments_for, segments_of
 from msl_fem.table.magnetic_table import MagneticTable
@@ -90,12 +90,14 @@ def only(effect: str, count: int = 1) -> np.ndarray:
     return np.tile(EffectValues({effect: dict(ALL_EFFECTS.stated[effect])}).vector(), (count, 1))
 
 
+@pytest.mark.parametrize("hold", ["zero-order", "linear"])
 @pytest.mark.parametrize(("kind", "substeps"), [("current", 4), ("current", 1), ("voltage", 4)])
 @pytest.mark.parametrize("effect", list(ALL_EFFECTS.stated))
 def test_each_effect_settles_or_stays_in_one_piece(
-    servo: Actuator, table: MagneticTable, kind: str, substeps: int, effect: str
+    servo: Actuator, table: MagneticTable, kind: str, substeps: int, hold: Any, effect: str
 ) -> None:
     lanes = lanes_of(servo, table, kind, only(effect), substeps=substeps)
+    lanes = replace(lanes, inputs=replace(lanes.inputs, hold=hold))
     assert (count_of(lanes) > 1) == (effect in SETTLES)
     assert apart(lanes) < 1e-12
 
@@ -215,12 +217,6 @@ def test_lanes_with_inputs_of_their_own_stay_in_one_piece(servo: Actuator, table
     assert count_of(lanes_of(servo, table, "voltage", neutral_vector()[None], **own)) == 1
 
 
-def test_commands_that_run_straight_stay_in_one_piece(servo: Actuator, table: MagneticTable) -> None:
-    lanes = lanes_of(servo, table, "voltage", neutral_vector()[None])
-    held = Inputs(lanes.inputs.commands, lanes.inputs.rate, hold="linear")
-    assert count_of(replace(lanes, inputs=held)) == 1
-
-
 @pytest.mark.parametrize("settling", [Settling(0.0, 0.0), Settling(0.0, 130.0), Settling(70.0, 20.0)])
 @pytest.mark.parametrize("count", [2, 7, 16])
 def test_segments_tell_each_sample_once_and_begin_early_enough(settling: Settling, count: int) -> None:
@@ -253,3 +249,27 @@ def test_segments_tell_each_sample_once_and_begin_early_enough(settling: Settlin
 )
 def test_runs_that_are_better_in_one_piece(begins: np.ndarray, count: int, settling: Settling) -> None:
     assert len(segments_of(begins, N_SAMPLE, count, settling)) == 1
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("hold", ["zero-order", "linear"])
+@pytest.mark.parametrize("effect", ["time_delay", "periodic_disturbance", "amplifier_bandwidth", "position_sensor_lag"])
+def test_stretches_that_begin_where_the_run_is_change_nothing(
+    servo: Actuator, table: MagneticTable, effect: str, hold: Any, count: int
+) -> None:
+    """What waits, lags and turns goes on over a start, no sample twice."""
+    plain = lanes_of(servo, table, "voltage", only(effect, count))
+    lanes = replace(plain, inputs=replace(plain.inputs, hold=hold))
+    at = replace(lanes.settings, begins=None, starts=lanes.settings.starts[:, 0], in_segments=False)
+    whole = run_lanes(lanes.surface, lanes.plants, lanes.inputs, substeps=lanes.substeps, settings=at)
+    begins = lanes.settings.begins
+    assert begins is not None
+    rows = np.array([whole.rows(lane)[begins] for lane in range(count)])
+    starts = rows[:, :, [OUT_I1, OUT_I2, OUT_X, OUT_V]]
+    starts[:, 0] = lanes.settings.starts[:, 0]
+    of_all = replace(lanes, settings=replace(lanes.settings, starts=starts))
+    for in_segments in (False, True):
+        found = run_of(of_all, in_segments=in_segments)
+        for name in ("position", "velocity", "current", "voltage"):
+            one, other = getattr(whole, name), getattr(found, name)
+            assert np.abs(other - one).max() < 1e-9 * np.abs(one).max(), (name, in_segments)
