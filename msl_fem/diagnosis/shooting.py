@@ -1,8 +1,9 @@
-"""Where runs are cut into stretches: tried with the model as it is known, short ones first, then longer ones.
+"""Where runs are cut into stretches: tried with the model as it is known.
 
 A run is followed as a whole where the model bears it and an error of the start does not grow towards its end. Else it
-begins with the shortest stretches; neighbours are joined as long as the model, and what it may be off by, stay near
-the record from a start that suits both of them.
+begins with stretches as long as the growth of such an error allows, where the model bears them all, or with short ones;
+neighbours are joined as long as the model, and what it may be off by, stay near the record from a start that suits both
+of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -67,47 +68,52 @@ class Shooting:
         self.data, self.plant = problem.runs[run], problem.plant
         self.sigmas = problem.start_unit(run)
         self.names = problem.channels(run)
+        self._seen: dict[bytes, NDArray[np.bool_]] = {}
 
     def chosen(self, known: Stretches | None = None, *, with_moves: bool = False) -> Stretches | None:
         """The stretches; None where the run is followed as a whole. Those do not count in which the model leaves its
         table or range, or `with_moves` one that is off by a sigma. `known` ones of a model near by are where it begins
         if the model bears them."""
         whole = self._tried(guessed(self.plant, self.data, np.zeros(1, dtype=np.intp), self.sigmas.size))
-        if self._borne(whole)[0]:
+        if not self._hopeless(whole)[0] and self._borne(whole)[0]:
             return None
-        cut = self._begun(known, self._gentle(whole))
+        cut = self._begun(known, [self._grown_by(most, whole) for most in (MOST_GROWTH, GENTLE)])
         open_ = np.ones(cut.begins.size, dtype=bool)
         while (pairs := _pairs(open_)).size:
             behind = pairs + 1
             keep = np.delete(np.arange(cut.begins.size), behind)
             joined = self._tried(replace(cut, begins=cut.begins[keep], starts=cut.starts[keep]))
-            borne = self._borne(joined)[np.searchsorted(keep, pairs)]
-            cut, open_ = _after(cut, joined, keep, pairs[borne])
+            at = np.searchsorted(keep, pairs)
+            if np.all(self._hopeless(joined)[at]):
+                break
+            cut, open_ = _after(cut, joined, keep, pairs[self._borne(joined)[at]])
         cut = self.refined(cut)
-        rows = self.spread.rows if with_moves else self.spread.rows[:0]
-        return replace(cut, outside=~self._inside(cut, rows))
+        inside = self._seen.get(_key(cut)) if with_moves else None
+        if inside is None:
+            inside = self._inside(cut, self.spread.rows if with_moves else self.spread.rows[:0])
+        return replace(cut, outside=~inside)
 
-    def _begun(self, known: Stretches | None, gentle: int) -> Stretches:
-        """Known stretches, all of which the model bears; else those over which errors hardly grow, if it bears them;
-        else the shortest."""
+    def _begun(self, known: Stretches | None, lengths: Sequence[int]) -> Stretches:
+        """Known stretches if the model bears them all; else those of the first of these lengths of which it does; else
+        the shortest."""
         if known is not None:
             cut = self.refined(known)
             if np.all(self._borne(cut) | (False if known.outside is None else known.outside)):
                 return replace(cut, outside=None)
-        for length in dict.fromkeys((gentle, SHORTEST)):
+        for length in dict.fromkeys((*lengths, SHORTEST)):
             begins = np.arange(0, max(len(self.data.commands) - SHORTEST // 2, 1), length)
             cut = self.refined(guessed(self.plant, self.data, begins, self.sigmas.size))
             if length == SHORTEST or np.all(self._borne(cut)):
                 break
         return cut
 
-    def _gentle(self, whole: Stretches) -> int:
-        """Samples of the longest stretches, of twice the shortest's any times, over which an error grows gently at the
-        rate at which it grows over a whole run."""
+    def _grown_by(self, most: float, whole: Stretches) -> int:
+        """Samples of the longest stretches, of twice the shortest's any times, over which an error grows so many times
+        at most, at the rate at which it grows over a whole run."""
         [rate] = self._rates(whole)
         longest = max(len(self.data.commands), SHORTEST)
-        most = np.clip(np.log(GENTLE) / max(rate, TINY), SHORTEST, longest)
-        return SHORTEST * 2 ** int(np.log2(most / SHORTEST))
+        length = np.clip(np.log(most) / max(rate, TINY), SHORTEST, longest)
+        return SHORTEST * 2 ** int(np.log2(length / SHORTEST))
 
     def split(self, cut: Stretches) -> Stretches:
         """Stretches cut in `PARTS` each."""
@@ -281,6 +287,7 @@ class Shooting:
             over -= base[:, None]
             whole.leave_out_starts(np.nan_to_num(over, copy=False))
             squares += np.einsum("crn,crn->cn", over, over)
+        self._seen[_key(cut)] = finite
         near &= _all(self._near(np.sqrt(squares)), cut)
         return finite & (gentle | (near & (growth <= MOST_GROWTH)))
 
@@ -332,6 +339,11 @@ def guessed(plant: KernelPlant, data: RunData, begins: NDArray[np.intp], n_start
         read = data.measured.get(Channel("current", side + 1).column)
         starts[:, side] = (read_current(plant, data, side) if read is None else read)[begins]
     return Stretches(begins, starts, np.zeros((len(data.measured), n_start, x.size)))
+
+
+def _key(cut: Stretches) -> bytes:
+    """What stretches and their starts are known by."""
+    return cut.begins.tobytes() + cut.starts.tobytes()
 
 
 def _finite(over: Array) -> NDArray[np.bool_]:

@@ -262,8 +262,8 @@ def _run_block(
 ) -> None:  # fmt: skip
     """`kernel.run` over stretches for eight lanes: into `out` (n_column, LANES, n_sample) some of the kernel's columns;
     a lane that cannot go on is nan from there. Commands (2 n_sample or more,) and disturbance (n_sample,) are those of
-    all, or with an axis (LANES,) more those of each. What the kernel has `written` (AT_A_TIME N_OUT, LANES) stays in the
-    cache."""
+    all, or with an axis (LANES,) more those of each. What the kernel has `written` (AT_A_TIME N_OUT, LANES) stays in
+    the cache."""
     e, state, work, cells = rows_of(block.effects), rows_of(block.state), rows_of(block.work), cells_of(surface)
     own = rows_of(block.numbers)
     p = PlantParameters(
