@@ -16,7 +16,7 @@ from msl_fem.actuator import Actuator
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.plant import layout
-from msl_fem.plant.effects import PARAMETER_INDEX
+from msl_fem.plant.effects import ByName
 from msl_fem.plant.effects.mechanisms import position_delay
 
 N_READING = 3
@@ -43,7 +43,7 @@ class Instruments(NamedTuple):
 def instruments_of(effects: Array, *, rate: float, resolution: float = 0.0) -> Instruments:
     """The instruments of parameters (..., N_PARAMETER) of the catalogue, at `rate` samples a second."""
     vectors = np.asarray(effects)
-    v = {key: vectors[..., n] for key, n in PARAMETER_INDEX.items()}
+    v = ByName(vectors)
     shape = vectors.shape[:-1]
     polynomial, drift, hum = (np.zeros((*shape, N_READING, n)) for n in (4, 3, 2))
     delay = np.zeros((*shape, N_READING))

@@ -17,7 +17,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.lanes import LANES
 from msl_fem.computing.threads import in_threads
 from msl_fem.errors import InputError
-from msl_fem.plant.effects import PARAMETER_INDEX, neutral_vector
+from msl_fem.plant.effects import PARAMETER_INDEX, ByName, neutral_vector
 from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.instruments import Channels, currents_before_noise, is_faithful, position_before_noise
@@ -154,7 +154,7 @@ class LaneRun:
 
 def _is_late(effects: Array) -> bool:
     """Whether a reading is delayed: nothing else looks at slopes."""
-    values = {key: np.asarray(effects)[..., n] for key, n in PARAMETER_INDEX.items()}
+    values = ByName(effects)
     return bool(np.any(position_delay(values)) or np.any(values["time_delay", "current"]))
 
 

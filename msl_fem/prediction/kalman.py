@@ -14,7 +14,7 @@ import numpy as np
 from msl_fem.computing.arrays import Array
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.copied_rows import copy_into, set_congruent
-from msl_fem.plant.effects import PARAMETER_INDEX
+from msl_fem.plant.effects import PARAMETER_INDEX, ByName
 from msl_fem.plant.effects.mechanical import COMPLIANCE, MODE_MASS
 from msl_fem.plant.effects.mechanisms import position_delay
 from msl_fem.plant.instruments import Channels, currents_before_noise, position_before_noise
@@ -160,7 +160,7 @@ def _setting(plant: KernelPlant, data: RunData, names: list[str], noise: Process
     """What `filter_run` takes: readings, their delays, rows of the state, differences, variances."""
     p, position, current = plant.parameters, data.noise[POSITION_COLUMN].sigma, _current_noise(data)
     which = np.array([_POSITION_SENSOR if name == POSITION_COLUMN else CHANNELS[name].index for name in names])
-    values = {key: float(plant.readings[n]) for key, n in PARAMETER_INDEX.items()}
+    values = ByName(plant.readings)
     delay = np.where(which == _POSITION_SENSOR, position_delay(values), values["time_delay", "current"])
     rows = [I1 + j for j in range(p.sides)] + [X, V, SENSOR]
     if plant.effects is not None and plant.effects[MODE_MASS]:

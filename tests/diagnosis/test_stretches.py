@@ -17,7 +17,7 @@ from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.noise import transformed
 from msl_fem.diagnosis.problem import FitProblem, Points, _lane_settings, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
-from msl_fem.diagnosis.shooting import HOPELESS, MOST_GROWTH, SHORTEST, ModelSpread, Shooting, guessed
+from msl_fem.diagnosis.shooting import GENTLE, HOPELESS, MOST_GROWTH, SHORTEST, ModelSpread, Shooting, guessed
 from msl_fem.diagnosis.static_maps import MAP_BESIDE
 from msl_fem.diagnosis.stretches import Stretches
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -157,13 +157,13 @@ def test_where_errors_grow_too_much_no_start_is_looked_for(short, table, monkeyp
 
 
 def test_stretches_are_those_reached_from_the_shortest(short, table, monkeypatch) -> None:
-    """Begun with those over which errors hardly grow, some of whose joins need not be tried; with the shortest where
-    the model does not bear these."""
+    """Begun with those of a stretch's growth, joined once in vain; with those over which errors hardly grow where the
+    model does not bear these, and with the shortest where it does not bear those either."""
     shot, whole = shooting(short, table, [0])
-    gentle = shot._gentle(shot._tried(whole))
-    assert gentle >= 4 * SHORTEST
+    gentle, longest = (shot._grown_by(most, shot._tried(whole)) for most in (GENTLE, MOST_GROWTH))
+    assert longest > gentle >= 4 * SHORTEST
     lost = replace(whole, slopes=np.zeros_like(whole.slopes))
-    assert shot._gentle(lost) == SHORTEST, "where the model leaves its table at once"
+    assert shot._grown_by(MOST_GROWTH, lost) == SHORTEST, "where the model leaves its table at once"
     tried: list[int] = []
     plain = Shooting._tried
 
@@ -173,15 +173,21 @@ def test_stretches_are_those_reached_from_the_shortest(short, table, monkeypatch
 
     monkeypatch.setattr(Shooting, "_tried", noted)
     found = shot.chosen()
-    count = len(tried)
-    monkeypatch.setattr(Shooting, "_gentle", lambda self, whole: 4 * len(self.data.commands))
-    anew = shot.chosen()
-    assert len(tried) >= 2 * count + 2
     assert found is not None
-    assert anew is not None
-    last = found.begins.size - 1  # an odd one at the end is joined no further
-    assert np.array_equal(found.begins, anew.begins[: last + 1])
-    assert np.abs(found.starts[:last] - anew.starts[:last]).max(axis=0) == pytest.approx([0.0] * 4, abs=1e-5)
+    assert np.diff(found.begins).tolist() == [longest] * (found.begins.size - 1)
+    counts = [len(tried)]
+    assert counts == [2], "the whole run, and neighbours joined"
+    too_long = 4 * len(shot.data.commands)
+    for grown in ({MOST_GROWTH: too_long, GENTLE: gentle}, {MOST_GROWTH: too_long, GENTLE: too_long}):
+        tried.clear()
+        monkeypatch.setattr(Shooting, "_grown_by", lambda self, most, whole, grown=grown: grown[most])
+        anew = shot.chosen()
+        assert anew is not None
+        last = found.begins.size - 1  # an odd one at the end is joined no further
+        assert np.array_equal(found.begins, anew.begins[: last + 1])
+        assert np.abs(found.starts[:last] - anew.starts[:last]).max(axis=0) == pytest.approx([0.0] * 4, abs=2e-5)
+        counts.append(len(tried))
+    assert counts[0] < counts[1] < counts[2]
 
 
 def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table) -> None:
@@ -198,7 +204,7 @@ def test_an_unstable_plant_is_cut_and_left_noise_by_the_true_model(short, table)
 
 
 def test_known_stretches_that_the_model_bears_are_where_the_choice_begins(short, table, monkeypatch) -> None:
-    """Else it begins with the shortest."""
+    """Else as if there were none."""
     shot, _ = shooting(short, table, [0])
     cut = shot.chosen()
     tried: list[int] = []
@@ -212,7 +218,27 @@ def test_known_stretches_that_the_model_bears_are_where_the_choice_begins(short,
     tried.clear()
     too_long = replace(cut, begins=cut.begins[:1], starts=cut.starts[:1])
     assert np.array_equal(shot.chosen(too_long).begins, cut.begins)
-    assert max(tried) > cut.begins.size
+    assert max(tried) == cut.begins.size
+
+
+def test_what_is_hopeless_or_has_just_been_simulated_is_not_simulated_with_all_moves(short, table, monkeypatch) -> None:
+    shot, _ = shooting(short, table, [0])
+    cut = shot.chosen()
+    borne: list[int] = []
+    looked: list[int] = []
+    plain, inside = Shooting._borne, Shooting._inside
+    monkeypatch.setattr(Shooting, "_borne", lambda self, one: borne.append(one.begins.size) or plain(self, one))
+    monkeypatch.setattr(Shooting, "_inside", lambda self, *all_: looked.append(1) or inside(self, *all_))
+    again = shot.chosen(cut, with_moves=True)
+    assert (borne, looked) == ([cut.begins.size], []), "neither the whole run, nor neighbours joined"
+    assert np.array_equal(again.outside, ~inside(shot, again, shot.spread.rows))
+    monkeypatch.setattr(Shooting, "_hopeless", lambda self, one: np.zeros(one.begins.size, dtype=bool))
+    monkeypatch.setattr(shooting_module, "_key", lambda _: np.random.default_rng().bytes(8))
+    other = shot.chosen(cut, with_moves=True)
+    assert len(borne) > 2
+    assert looked == [1]
+    assert np.array_equal(other.begins, again.begins)
+    assert np.array_equal(other.outside, again.outside)
 
 
 def test_stretches_are_split_into_parts_that_know_what_does_not_count(short, table) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,7 @@ __all__ = [
     "LAGGING",
     "N_COEFFICIENT",
     "PARAMETER_INDEX",
+    "ByName",
     "DesignChange",
     "Effect",
     "EffectValues",
@@ -227,6 +229,23 @@ def set_coefficients(e: Array, values: Values, setting: KernelSetting) -> None:
     """Sets all rows of the kernel's coefficients; those that stay zero must be."""
     for rule in RULES:
         rule(e, values, setting)
+
+
+class ByName(Mapping[tuple[str, str], Any]):
+    """Parameters by effect and name of vectors (..., N_PARAMETER) of the catalogue: those alone that are asked for are
+    looked at."""
+
+    def __init__(self, vectors: Array) -> None:
+        self._vectors = np.asarray(vectors)
+
+    def __getitem__(self, key: tuple[str, str]) -> Any:
+        return self._vectors[..., PARAMETER_INDEX[key]]
+
+    def __iter__(self) -> Iterator[tuple[str, str]]:
+        return iter(PARAMETER_INDEX)
+
+    def __len__(self) -> int:
+        return len(PARAMETER_INDEX)
 
 
 def values_of(vector: Array) -> dict[tuple[str, str], float]:
