@@ -126,8 +126,8 @@ def _put_some(
         for own, other in zip(led, again, strict=True):
             own[failed] = other
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
-    for column, behind, by in zip(columns, moved, step, strict=True):
-        put_slope(column, behind, residual, by)
+    steps = list(zip(columns, moved, step, strict=True))
+    in_threads(lambda one: put_slope(one[0], one[1], residual, one[2]), steps, likelihood.threads_here)
     slopes = [np.nan_to_num((a - b) / step[:, None, None]) for a, b in zip(led, nearer or (), strict=False)]
     return tuple(slopes)
 

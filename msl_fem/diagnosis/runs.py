@@ -132,7 +132,7 @@ class Runs(Kind):
             cuts.append(None if cut is None else shot.split(cut))
         static = map_beside(self.record, self.belief)
         likelihood, unknowns = _likelihood(replace(problem, stretches=tuple(cuts)), self.unknowns, static)
-        plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, tell=tell)
+        plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, fresh_end=False, tell=tell)
         found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=plan)
         if found.sane is not None:
             return None

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.computing.gauss_newton import normal_equations, summed_over_rows
+from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
@@ -141,9 +142,12 @@ class AmountColumns:
         new = [n for n, amount in enumerate(amounts) if amount not in self.places]
         simulated = signatures(found, [amounts[n] for n in new]) if new else None
         raw: Slopes = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # by columns, as simulated ones
-        for n, amount in enumerate(amounts):  # one after the other: together they are as large as all Jacobians
-            if amount in self.places:
-                raw[:, n] = self.weighted[:, self.places[amount]] / self.root
+
+        def put(n: int) -> None:
+            np.divide(self.weighted[:, self.places[amounts[n]]], self.root, out=raw[:, n], casting="same_kind")
+
+        # one after the other: together they are as large as all Jacobians
+        in_threads(put, [n for n, one in enumerate(amounts) if one in self.places], found.likelihood.threads)
         if simulated is not None:
             raw[:, new] = simulated
         return raw
@@ -230,8 +234,7 @@ def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
             moved = found.likelihood.spectra(alike.only(own))
             if own[0] == 0:
                 base = moved[0].copy()
-            for n, one in zip(own, moved, strict=True):
-                if n:
-                    put_slope(columns[n - 1], one, base, STEP_OF_AMOUNTS)
+            slopes = ((columns[n - 1], one, base, STEP_OF_AMOUNTS) for n, one in zip(own, moved, strict=True) if n)
+            in_threads(lambda slope: put_slope(*slope), list(slopes), found.likelihood.threads)
             del moved
     return columns.T

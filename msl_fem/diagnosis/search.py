@@ -45,6 +45,7 @@ STANDS_OUT = 5.0
 FINITE = (0.03, 0.1, 0.3, 1.0)  # of z: sizes in which an amount that may act beyond a threshold is tried
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
+NEAR_BY = 10.0  # nats that a fit without effects is from its end, where its columns are those of the end
 COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
 """Effects that gap, scale, table and gains make up for nearly, so that at a strained fit a linear score misses them."""
 
@@ -221,11 +222,12 @@ def _fullest(every: Sequence[Score], single: Score) -> list[Score]:
 
 
 def converged_base(start: Fit) -> Fit:
-    """A fit from where it is to its end; its Jacobian stays with the end alone."""
+    """A fit from where it is to its end; its Jacobian stays with the end alone, computed anew there unless that is so
+    near that it is the same."""
     if start.converged or start.finished:
         return start
     columns = start.jacobian[:, : start.unknowns.n_nuisance]
-    plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan()
+    plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan(fresh_end=start.predicted > NEAR_BY)
     found = fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
     start.lets_go()
     return found

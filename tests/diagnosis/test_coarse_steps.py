@@ -98,7 +98,7 @@ def test_functions_of_one_variable_are_looked_for_in_the_steps_of_the_fit(
     monkeypatch.setattr(outside, "plant_of_run", lambda *_: kernel_plant(belief, rate=RATE))
     monkeypatch.setattr(outside, "_Trajectory", trajectory)
     problem = FitProblem(None, (None,), (), (), None, coarse=coarse)  # type: ignore[arg-type]
-    likelihood: Any = SimpleNamespace(problem=problem)
+    likelihood: Any = SimpleNamespace(problem=problem, threads=1)
     found: Any = SimpleNamespace(unknowns=SimpleNamespace(times_steps=times))
     assert outside.dependences(likelihood, found, belief) == []
     assert seen == [steps]
