@@ -98,7 +98,7 @@ def test_functions_of_one_variable_are_looked_for_in_the_steps_of_the_fit(
     monkeypatch.setattr(outside, "plant_of_run", lambda *_: kernel_plant(belief, rate=RATE))
     monkeypatch.setattr(outside, "_Trajectory", trajectory)
     problem = FitProblem(None, (None,), (), (), None, coarse=coarse)  # type: ignore[arg-type]
-    likelihood: Any = SimpleNamespace(problem=problem, threads=1)
+    likelihood: Any = SimpleNamespace(problem=problem)
     found: Any = SimpleNamespace(unknowns=SimpleNamespace(times_steps=times))
     assert outside.dependences(likelihood, found, belief) == []
     assert seen == [steps]
@@ -132,7 +132,7 @@ def test_runs_left_over_are_shared_among_threads_that_have_nothing_else(
 
 def scoring(spectra: Callable[[Points], np.ndarray]) -> SimpleNamespace:
     """A likelihood of 2 coarse or 11 fine steps that tells these spectra."""
-    return SimpleNamespace(spectra=spectra, steps=lambda times: 2 if times == 1 else 11)
+    return SimpleNamespace(threads=1, spectra=spectra, steps=lambda times: 2 if times == 1 else 11)
 
 
 def test_differences_are_of_equal_steps() -> None:
