@@ -131,7 +131,8 @@ class Runs(Kind):
             shot = Shooting(problem, n, ModelSpread.of_tolerances(self.unknowns), substeps=self.likelihood.substeps)
             cuts.append(None if cut is None else shot.split(cut))
         static = map_beside(self.record, self.belief)
-        likelihood, unknowns = _likelihood(replace(problem, stretches=tuple(cuts)), self.unknowns, static)
+        cut_anew = replace(problem, stretches=tuple(cuts))
+        likelihood, unknowns = _likelihood(cut_anew, self.unknowns, static, alike=self._in_coarse_steps)
         plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, fresh_end=False, tell=tell)
         found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=plan)
         if found.sane is not None:
@@ -147,7 +148,10 @@ class Runs(Kind):
         values, vectors = np.linalg.eigh(covariance)
         moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T
         known = {run.name: cut for run, cut in zip(self.runs, self.cuts, strict=True)}
-        return _made(self.record, self.belief, self.recorded, found.z[:n], moves, threads=self.threads, known=known)
+        return _made(
+            self.record, self.belief, self.recorded, found.z[:n], moves,
+            threads=self.threads, known=known, alike=self._in_coarse_steps,
+        )  # fmt: skip
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
@@ -238,6 +242,11 @@ class Runs(Kind):
         return self._followed[key]
 
     @property
+    def _in_coarse_steps(self) -> bool:
+        """Whether the runs were found to be the same in coarse steps."""
+        return self.likelihood.problem.coarse is not None
+
+    @property
     def _question(self) -> Question:
         return Question(self.belief, self.likelihood.problem, self.unknowns.believed)
 
@@ -280,9 +289,11 @@ def _made(
     *,
     threads: int,
     known: Mapping[str, Stretches | None] | None = None,
+    alike: bool = False,
 ) -> Runs:
     """The kind, its stretches chosen at numbers `at` of believed parameters and table, and `moves` of one sigma of
-    them; at the belief and its tolerances without. `known` are stretches by a run's name of a model near by."""
+    them; at the belief and its tolerances without. `known` are stretches by a run's name of a model near by, `alike` as
+    in `_likelihood`."""
     static = map_beside(record, belief)
     problem, unknowns = _problem(belief, runs, record.tolerance, static, threads=threads)
     spread = ModelSpread.of_tolerances(unknowns)
@@ -299,7 +310,7 @@ def _made(
     recorded, runs, cuts = tuple(runs), tuple(run for run, _ in inside), tuple(cut for _, cut in inside)
     kept = [n for n, run in enumerate(runs) if run.role == "fit"]
     fitted = _cut_problem(replace(problem, runs=runs), cuts, kept)
-    likelihood, unknowns = _likelihood(fitted, unknowns, static, at)
+    likelihood, unknowns = _likelihood(fitted, unknowns, static, at, alike=alike)
     notes = [] if static is None else [MAP_BESIDE, *static.measured.notes]
     left_out += about_spikes(runs) + about_invalid(runs)
     notes += [*_told(runs, cuts), *(one.text for one in left_out)]
@@ -370,10 +381,16 @@ def _cut_problem(problem: FitProblem, cuts: Cuts, kept: Sequence[int]) -> FitPro
 
 
 def _likelihood(
-    problem: FitProblem, unknowns: Unknowns, static: StaticLikelihood | None, at: Array | None = None
+    problem: FitProblem,
+    unknowns: Unknowns,
+    static: StaticLikelihood | None,
+    at: Array | None = None,
+    *,
+    alike: bool = False,
 ) -> tuple[Likelihood, Unknowns]:
     """Of runs that are cut and of a map beside them, and its unknowns with the starts of runs that are not cut; the
-    steps are chosen at numbers `at` of believed parameters and table, at the belief without."""
+    steps are chosen at numbers `at` of believed parameters and table, at the belief without, unless these runs were
+    `alike` in coarse steps at a model near by."""
     unknowns = replace(unknowns, starts=tuple(sigma.size for sigma in problem.start_sigmas))
     points = Points.of(unknowns, np.zeros((1, unknowns.size)))
     found = simulated_residuals(problem, points, substeps=problem.plant.substeps)
@@ -391,7 +408,7 @@ def _likelihood(
     z = np.zeros(unknowns.size)
     if at is not None:
         z[: at.size] = at
-    if not _alike_in_coarse_steps(likelihood, unknowns, z):
+    if not alike and not _alike_in_coarse_steps(likelihood, unknowns, z):
         likelihood = replace(likelihood, problem=replace(problem, coarse=None))
     return likelihood if static is None else joined(static, likelihood), unknowns
 

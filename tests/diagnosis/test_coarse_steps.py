@@ -185,7 +185,7 @@ def test_coarse_steps_are_taken_where_the_belief_is_that_of_far_finer_ones(
 def test_the_steps_of_stretches_chosen_anew_are_asked_for_where_the_fit_is(
     one_sided: Actuator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The belief may leave the table where the fit does not."""
+    """The belief may leave the table where the fit does not; runs that were alike in coarse steps there are so here."""
     base = load_actuator(ROOT / "measurements" / "levitation_rig" / "actuator.toml")
     record = levitator.record(base, levitator.Truth(mass=1.05), seconds=0.3)
     belief = ModelHypothesis(levitator.actuator(base), levitator.table())
@@ -197,6 +197,12 @@ def test_the_steps_of_stretches_chosen_anew_are_asked_for_where_the_fit_is(
     believed = len(kind.unknowns.believed)
     assert np.any(found.z[:believed])
     assert [z[:believed].tolist() for z in asked] == [[0.0] * believed, found.z[:believed].tolist()]
+    asked.clear()
+    problem = replace(kind.likelihood.problem, coarse=1)
+    alike = replace(kind, likelihood=replace(kind.likelihood, problem=problem))
+    alike.renewed(found)
+    alike.begun(lambda _: None)
+    assert asked == []
 
 
 @pytest.mark.parametrize(
