@@ -133,7 +133,7 @@ class Runs(Kind):
         static = map_beside(self.record, self.belief)
         cut_anew = replace(problem, stretches=tuple(cuts))
         likelihood, unknowns = _likelihood(cut_anew, self.unknowns, static, alike=self._in_coarse_steps)
-        plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, fresh_end=False, tell=tell)
+        plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, tell=tell)
         found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=plan)
         if found.sane is not None:
             return None
