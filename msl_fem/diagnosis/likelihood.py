@@ -33,7 +33,7 @@ from msl_fem.diagnosis.problem import (
     simulated_in_parts,
     simulated_residuals,
 )
-from msl_fem.diagnosis.row_loops import add_squares, put_lines, put_slope
+from msl_fem.diagnosis.row_loops import add_squares, put_lines, put_slopes
 from msl_fem.diagnosis.shooting import ModelSpread, Shooting
 from msl_fem.diagnosis.stretches import moved
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -126,8 +126,7 @@ def _put_some(
         for own, other in zip(led, again, strict=True):
             own[failed] = other
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
-    steps = list(zip(columns, moved, step, strict=True))
-    in_threads(lambda one: put_slope(one[0], one[1], residual, one[2]), steps, likelihood.threads_here)
+    put_slopes(list(columns), moved, residual, step, threads=likelihood.threads_here)
     slopes = [np.nan_to_num((a - b) / step[:, None, None]) for a, b in zip(led, nearer or (), strict=False)]
     return tuple(slopes)
 

@@ -1,11 +1,14 @@
 """What is done to each number of many rows of residuals, compiled: each row is read and written once."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.copied_rows import add_times
+from msl_fem.computing.threads import in_threads
 
 
 @compiled
@@ -75,6 +78,15 @@ def put_lines(numbers: Array, spectrum: NDArray[np.complex128], n_sample: int) -
                 numbers[r, at] /= root  # the mean has no imaginary part
                 if has_last:
                     numbers[r, at + lines - 1] /= root
+
+
+def put_slopes(
+    columns: Sequence[Array | Slopes], moved: Array, before: Array, steps: Sequence[float] | Array, *, threads: int
+) -> None:
+    """Sets columns, each (n_number,), to the slopes between numbers before (n_number,) and behind steps, those behind
+    each step (n_column, n_number)."""
+    every = list(zip(columns, moved, steps, strict=True))
+    in_threads(lambda one: put_slope(one[0], one[1], before, one[2]), every, threads)
 
 
 @compiled

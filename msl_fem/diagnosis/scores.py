@@ -25,7 +25,7 @@ from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.row_loops import put_slope
+from msl_fem.diagnosis.row_loops import put_slopes
 from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
 from msl_fem.diagnosis.variants import Variant
 
@@ -232,9 +232,10 @@ def signatures(found: Fit, amounts: Sequence[Amount]) -> Slopes:
         for at in range(0, rows.size, AT_ONCE):
             own = rows[at : at + AT_ONCE]
             moved = found.likelihood.spectra(alike.only(own))
-            if own[0] == 0:
+            first = int(own[0] == 0)
+            if first:
                 base = moved[0].copy()
-            slopes = ((columns[n - 1], one, base, STEP_OF_AMOUNTS) for n, one in zip(own, moved, strict=True) if n)
-            in_threads(lambda slope: put_slope(*slope), list(slopes), found.likelihood.threads)
+            each = [columns[n - 1] for n in own[first:]]
+            put_slopes(each, moved[first:], base, [STEP_OF_AMOUNTS] * len(each), threads=found.likelihood.threads)
             del moved
     return columns.T

@@ -45,7 +45,7 @@ STANDS_OUT = 5.0
 FINITE = (0.03, 0.1, 0.3, 1.0)  # of z: sizes in which an amount that may act beyond a threshold is tried
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
-NEAR_BY = 10.0  # nats that a fit without effects is from its end, where its columns are those of the end
+NEAR_END = 10.0  # nats that a fit without effects is from its end, where its columns are those of the end
 COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
 """Effects that gap, scale, table and gains make up for nearly, so that at a strained fit a linear score misses them."""
 
@@ -227,7 +227,7 @@ def converged_base(start: Fit) -> Fit:
     if start.converged or start.finished:
         return start
     columns = start.jacobian[:, : start.unknowns.n_nuisance]
-    plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan(fresh_end=start.predicted > NEAR_BY)
+    plan = FitPlan(most_steps=LAST_STEPS) if start.unknowns.effects else FitPlan(fresh_end=start.predicted > NEAR_END)
     found = fit(start.likelihood, start.unknowns, start.z, plan=plan, nuisance_columns=columns)
     start.lets_go()
     return found

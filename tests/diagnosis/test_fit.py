@@ -222,6 +222,15 @@ def test_the_best_refit_alone_is_led_to_its_end_and_no_further_later() -> None:
     assert converged_base(replace(promising, finished=False)) is not promising
 
 
+@pytest.mark.parametrize(("predicted", "stale"), [(5.0, True), (40.0, False)])
+def test_a_fit_without_effects_that_is_near_its_end_keeps_its_columns(predicted: float, stale: bool) -> None:
+    it, unknowns = record(seed=7)
+    begun = fit(it, unknowns, np.full(3, 0.1), plan=FitPlan(most_steps=1))  # type: ignore[arg-type]
+    found = converged_base(replace(begun, predicted=predicted))
+    assert found.stale is stale
+    assert found.converged
+
+
 def test_refits_behind_the_best_let_their_jacobians_go_and_have_them_back_when_asked() -> None:
     """They are by far the largest of what a fit holds: ten of them at 10 kHz are 400 MB."""
     it, unknowns = record(seed=7, size=0.15, of="stiffness_nonlinearity")
