@@ -11,6 +11,7 @@ from msl_fem.diagnosis.decision import (
     TIE,
     WORSE,
     completes,
+    does_alone,
     excess_power,
     gauges,
     share_left,
@@ -200,8 +201,8 @@ def _explained(result: EffectSearch, n: int) -> float | None:
 
 def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int) -> bool:
     """Whether several effects only make up together for what none of them is: what they leave, small as it may be, is
-    a function of one variable that brings more than the last of them did."""
-    if result.taken < 2:
+    a function of one variable that brings more than the last of them did. What the first does alone is no such."""
+    if result.taken < 2 or does_alone(result.stages, result.excesses[: result.taken + 1]):
         return False
     ranked = kind.dependences(result.final, model, few=True, threads=threads)
     last = result.stages[result.taken - 1].best

@@ -300,6 +300,13 @@ def strong(stages: Sequence[SearchStage], n: int, share: float = BESIDE) -> bool
     return gains[n] >= share * max(gains)
 
 
+def does_alone(stages: Sequence[SearchStage], excesses: Excesses) -> bool:
+    """Whether the first effect leaves noise, and those behind it, as many as there are fits, bring next to nothing
+    beside it: they say nothing against it."""
+    gains = [0.0 if stage.best is None else stage.best.gain for stage in stages[: len(excesses) - 1]]
+    return bool(gains) and white(excesses[1]) and sum(gains[1:]) < WEAK * gains[0]
+
+
 def completes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:
     """Whether one effect more is no spurious addition to those before: they were enough, or it leaves little of what
     they left."""

@@ -17,6 +17,7 @@ from msl_fem.diagnosis.decision import (
     Rule,
     beyond_tolerances,
     disagrees,
+    does_alone,
     in_sight,
     n_accepted,
     of_its_own,
@@ -146,11 +147,12 @@ def without_effects(kind: Kind, how: DiagnosisSettings) -> Fit:
 
 
 def _put_right(kind: Kind, how: DiagnosisSettings, chain: Chain) -> Chain:
-    """A chain put right and continued forward, until nothing changes."""
+    """A chain put right and continued forward, until nothing changes; not where the first effect would do alone."""
     rule = kind.rule(how.rule)
     exchange = Exchange(rule.further, CLOSER, how.progress, how.memory)
     for _ in range(EXCHANGED):
-        if len(chain.fits) <= 2 or chain.fits[0].sane:
+        excesses = [found.excess for found in chain.fits]
+        if len(chain.fits) <= 2 or chain.fits[0].sane or does_alone(chain.stages, excesses):
             break
         fits, stages = exchange.chain(chain.fits, chain.stages)
         if fits[-1] is chain.fits[-1]:
