@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
-from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, ROUGH, Refinement, Refit, let_go
+from msl_fem.diagnosis.refits import LAST_STEPS, LOST_NEAR, NEAR, ROUGH, Refinement, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
 PLENTY = 1_000.0
@@ -30,12 +30,13 @@ def best_first(
     first = None if base.unknowns.effects else _over_first_part(base)
     if first is None:
         return beside(base, memory=memory).best_first(candidates)
-    there = beside(first, memory=memory.part("its first part"))
+    there = beside(first, memory=memory.part("its first part"), of_part=True)
     refits = there.best_first(candidates)
     let_go(refits)
     whole = beside(base, memory=memory, ends={one.variant: one.fit.z for one in refits})
-    if refits and there.takes_all(refits[0]):
-        near = {one.variant for one in refits if one.gain > refits[0].gain - NEAR}
+    if refits and (there.lost or there.takes_all(refits[0])):
+        least = refits[0].gain - (LOST_NEAR * abs(refits[0].gain) if there.lost else NEAR)
+        near = {one.variant for one in refits if one.gain > least}
         led = whole.best_first([score for score in candidates if score.variant in near])
         if led and whole.takes_all(led[0]):
             share = first.residual.size / base.residual.size

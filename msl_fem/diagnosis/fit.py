@@ -65,6 +65,8 @@ STUCK = 2
 """Trials at least, none of which leads down, behind which a fit is stuck."""
 SANE = 20.0
 """Tolerances beyond which no number of a model without effects is what it says: a cause is missing."""
+SHORT_WAY = 2
+"""Rounds in which a fit that does not go on with a heat comes to an end, or back to numbers that a plant can have."""
 WORTH = 0.05
 """Share of its nats that a round has to bring a model without effects beyond `SANE`, to be worth a further one."""
 RESTARTED = 0.2
@@ -94,7 +96,7 @@ class FitPlan:
     until : log evidence that ends it
     little : nats that a further step promises, below which some that fail in a row end a round
     renew : whether the nuisances' columns may be computed anew; they are where a step brings less than it promised
-    heats : whether it goes on where it has to begin with a heat
+    heats : whether it goes on where it has to begin with a heat, and where `SHORT_WAY` rounds lead beyond `SANE`
     fresh_begin, fresh_end : whether they, and all others, are those of the point where the fit goes on, and ends
     tell : is told at every model of the objective what a further step promises
     """
@@ -177,6 +179,8 @@ def fit(
             sane = found
         free = None if sane is found else found
         if found.log_evidence > how.until:
+            break
+        if n == SHORT_WAY and not how.heats and beyond_sanity(unknowns, point.z):
             break
         begun = None
         if not likelihood.is_cut:

@@ -29,7 +29,7 @@ from msl_fem.plant.effects import find_parameter
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
 SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
 FIRST_STEPS = 20  # of a candidate that begins there
-WAYS = 4  # combinations of its amounts' signs with which it begins at most
+WAYS, FEW_WAYS = 4, 2  # combinations of its amounts' signs with which it begins at most, and beside others
 SIZES = np.geomspace(1 / 16, 512, 15)
 """Of the amounts of the leader that is begun at the belief, over those beside a model that has made up for it."""
 LEAST = 1 / 64  # of these amounts, with which starts of stretches are found before
@@ -42,6 +42,9 @@ FRONT = 0.25  # of the best linear score: candidates that are looked at before t
 NEARLY_ALL = 0.15
 """Of the nats above white noise as loud as the instruments show it, that a candidate leaves where the others have next
 to nothing to come to."""
+LOST_NEAR = 0.15
+"""Share of its gain, within which others are near what leads beside a model that is lost: few fits come to their ends
+there."""
 SHARES = (1.0, 0.4, 0.1)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
 REFINEMENT_STEPS = 25
@@ -192,10 +195,12 @@ class Refinement:
         hopeless: Callable[[Refit], bool] = lambda refit: False,
         variants: Sequence[Variant] = (),
         ends: Mapping[Variant, Array] | None = None,
+        of_part: bool = False,
     ) -> None:
-        """`ends` are numbers to which candidates have come over a part of the record."""
+        """`ends` are numbers to which candidates have come over a part of the record; `of_part`: this is such a
+        part."""
         self.base, self.tell, self.memory, self.hopeless = base, tell, memory, hopeless
-        self.variants, self.ends = variants, ends or {}
+        self.variants, self.ends, self.of_part = variants, ends or {}, of_part
         self.near, self.lost = base.sane or base, base.sane is not None
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
 
@@ -234,15 +239,25 @@ class Refinement:
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
 
     def _lost_from_small_amounts(self, kept: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
-        """Candidates beside a model that is lost, begun once more, and those too far behind the best. Where the one in
-        front comes to leave noise alone and bends nothing, the others go on if they promise to come as far."""
-        self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
+        """Candidates beside a model that is lost, begun once more, and those too far behind the best. The others go on
+        if they promise to come as far as the one in front: the right cause does. Where what comes of those near it
+        takes all, those farther behind do not begin again, nor does any that did so over a part of the record already;
+        over such a part, which does not decide, nearly all will do."""
         if not kept:
             return [], []
         first, *others = sorted(kept, key=_by_gain)
+        if self.ends and self.takes_all(first):
+            return _in_front(kept)
+        self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
         first = self.from_small_amounts(first, by_itself=True)
-        least = first.gain - NEAR if _leaves_noise(first) and not strained(first.fit) else -np.inf
-        return _in_front([first, *self._together(lambda one: self.from_small_amounts(one, least), others)])
+        near = [one for one in others if one.gain > (1 - LOST_NEAR) * first.gain]
+        farther = [one for one in others if one not in near]
+        least = first.gain - NEAR
+        begun = [first, *self._together(lambda one: self.from_small_amounts(one, least), near)]
+        best = min(begun, key=_by_gain)
+        if not (self.takes_all(best) or (self.of_part and self._takes_nearly_all(best))):
+            farther = self._together(lambda one: self.from_small_amounts(one, least), farther)
+        return _in_front([*begun, *farther])
 
     def _made_up_for(self, refits: Sequence[Refit]) -> list[Refit]:
         """Of all, the leader first, those of effects that gains make up for which come further from small amounts. They
@@ -339,11 +354,15 @@ class Refinement:
         return self._together(lambda refit: told.ends(refit.variant, self.screened_on(refit)), going), ended
 
     def takes_all(self, refit: Refit) -> bool:
-        """Whether a candidate leaves nearly noise alone and bends no believed parameter."""
-        if self.lost or strained(refit.fit):
+        """Whether a candidate leaves nearly noise alone, all but noise beside a model that is lost, and bends no
+        believed parameter."""
+        if strained(refit.fit):
             return False
-        if _leaves_noise(refit) or not self.base.likelihood.is_cut:
+        if self.lost or _leaves_noise(refit) or not self.base.likelihood.is_cut:
             return _leaves_noise(refit)
+        return self._takes_nearly_all(refit)
+
+    def _takes_nearly_all(self, refit: Refit) -> bool:
         noise = refit.fit.nats_of_noise
         return refit.fit.objective - noise <= NEARLY_ALL * (self.base.objective - noise)
 
@@ -525,11 +544,12 @@ class Refinement:
 
     def from_small_amounts(self, refit: Refit, least: float = -np.inf, *, by_itself: bool = False) -> Refit:
         """The better of a candidate and of one begun at the belief: beside numbers that nothing can have, the amounts
-        that suit them are none that lead back. Each sign of each amount is tried, in the likeliest of several sizes,
-        all at the same time for a candidate `by_itself`. What may still lead after a few steps, and come to the least
-        nats that count, goes on, the most promising as long as it may still: where two amounts nearly balance each
-        other, the likeliest beginning is the one whose unbalance suits, and the way is long. Of more than two amounts,
-        the likeliest `WAYS` signs are tried."""
+        that suit them are none that lead back. The likeliest `WAYS` of the signs that its amounts may have are tried,
+        in the likeliest of several sizes, for a candidate `by_itself` all at the same time. What may still lead after a
+        few steps, and come to the least nats that count, goes on, the most promising as long as it may still: where two
+        amounts nearly balance each other, the likeliest beginning is the one whose unbalance suits, and the way is
+        long. Beside others fewer are tried, and what a way has come to of its promise, those of other ways are worth.
+        """
         unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(gathered_here())
         n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
         if likelihood.is_cut:
@@ -548,19 +568,25 @@ class Refinement:
         def each(step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
             return self._together(step, items) if by_itself else list(map(step, items))
 
-        ways = sorted(each(along, list(product((1.0, -1.0), repeat=amounts))), key=lambda way: way[0])
-        found = each(lambda way: self._begun_anew(near, way[1], plan, columns), ways[:WAYS])
+        signs = [(1.0,) if amount.one_sided else (1.0, -1.0) for amount in refit.variant.amounts]
+        ways = sorted(each(along, list(product(*signs))), key=lambda way: way[0])
+        found = each(lambda way: self._begun_anew(near, way[1], plan, columns), ways[: WAYS if by_itself else FEW_WAYS])
         begun = sorted((one for one in found if one is not None), key=_by_gain)
         let_go(begun)
         ended: list[Refit] = []
+        kept = 1.0  # share of its promise that a way has come to
         for one in begun:
             if any(_leaves_noise(other) for other in ended):
                 break  # where one leaves noise alone the others have nothing to come to
-            if one.reach >= max(begun[0].gain, least) and (one.gain > refit.gain or not one.fit.stuck):
+            promise = one.reach - one.gain
+            within = one.reach >= begun[0].gain and one.gain + kept * promise >= least
+            if within and (one.gain > refit.gain or not one.fit.stuck):
                 ended.append(self._on(one))
+                if not by_itself and promise > 0:
+                    kept = min(kept, max(ended[-1].reach - one.gain, 0.0) / promise)
         for _ in range(MORE_LEGS if ended else 0):
             far = max(ended, key=lambda one: one.reach)
-            if not far.promising or far.reach <= max(refit.gain, *(one.gain for one in ended)):
+            if not far.promising or far.reach <= max(refit.gain, least, *(one.gain for one in ended)):
                 break
             ended.append(self._on(far))
             ended.remove(far)

@@ -123,7 +123,7 @@ class Runs(Kind):
 
     def begun(self, tell: Callable[[str], None]) -> "Runs | None":
         """With stretches chosen anew at a model that was fitted over shorter ones, in which it is nearly linear: from
-        the belief that is a short way. None where from there it does not follow the longer ones."""
+        the belief that is a short way. None where it is not, or where from there it does not follow the longer ones."""
         assert self.record is not None
         tell("fitted over parts of the stretches of the runs, which are then chosen anew")
         problem, cuts = self.likelihood.problem, []
@@ -135,7 +135,7 @@ class Runs(Kind):
         likelihood, unknowns = _likelihood(cut_anew, self.unknowns, static, alike=self._in_coarse_steps)
         plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, tell=tell)
         found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=plan)
-        if found.sane is not None:
+        if found.sane is not None or (beyond_sanity(unknowns, found.z) and found.predicted > ROUGH_BEGINNING):
             return None
         renewed = self.renewed(found)
         return None if _loses(renewed, found) else renewed
