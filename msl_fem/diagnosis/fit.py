@@ -54,6 +54,8 @@ MOST_IDLE_ROUNDS = 2
 """Rounds in a row that bring nothing: beside a model that cannot follow, moved starts raise what steps lower."""
 HOT = 100.0
 """Mean square of residuals over their noise at its loudest, above which a fit over stretches begins with a heat."""
+STILL_HOT = 10.0
+"""The same beyond `SANE` where the heat has gone, above which a cause is missing for good."""
 WARM = 2.0
 """Heat below which a fit that began with one goes on without."""
 COOLING = 10.0
@@ -203,8 +205,10 @@ def fit(
             alike = max(RESTARTED, how.enough, how.share * (point.objective - noise))
             if end.ending in {"converged", "in vain"} and abs(again - point.objective) < alike:
                 break
-            worth = how.enough
-            if sane is not None and least < np.inf and beyond_sanity(unknowns, point.z):
+            worth, lost = how.enough, sane is not None and beyond_sanity(unknowns, point.z)
+            if lost and _loudness(point) > STILL_HOT:
+                break
+            if lost and least < np.inf:
                 worth = max(worth, WORTH * least)
             idle = 0 if point.objective < least - worth else idle + 1
             least = min(least, point.objective)
@@ -285,6 +289,11 @@ class _FitPoint:
     objective: float
     starts: Starts | None = None
     nearer: Starts | None = None
+
+
+def _loudness(point: _FitPoint) -> float:
+    """Mean square of the residuals over their noise at its loudest."""
+    return float(np.mean((point.residual * point.weights.root) ** 2))
 
 
 class _FitModel:
@@ -370,7 +379,7 @@ class _FitPosterior:
     def heated(self, point: _FitPoint, most: float, cools: float) -> _FitPoint:
         """A point with the heat that suits what is left there, none where runs are followed as a whole; at `most` as
         what the round before leaves, and what cools in those to come."""
-        loud = float(np.mean((point.residual * point.weights.root) ** 2)) if self.likelihood.is_cut else 1.0
+        loud = _loudness(point) if self.likelihood.is_cut else 1.0
         heat = min(loud, most, cools)
         if heat <= WARM or (most == np.inf and loud <= HOT):
             return point

@@ -120,3 +120,22 @@ def test_a_search_ends_before_a_weak_effect_that_takes_too_little(
     assert after.stages[1].best is not None
     assert after.stages[1].best.gain == 200.0, "it is told what that would bring"
     assert after.told(replace(DiagnosisSettings().rule, most=2)).taken == (2 if goes_on else 1)
+
+
+@pytest.mark.parametrize(
+    ("left", "second", "steps_back"), [(1.05, 20.0, False), (1.05, 400.0, True), (3.0, 20.0, True)]
+)
+def test_no_step_back_is_taken_from_what_the_first_effect_does_alone(
+    monkeypatch: pytest.MonkeyPatch, left: float, second: float, steps_back: bool
+) -> None:
+    first = stage(fit_of(), coulomb_friction=9850.0)
+    behind = stage(first.refits[0].fit, periodic_disturbance=second)
+    fits = (first.base, fit_of("coulomb_friction", loud=left), fit_of("coulomb_friction", "periodic_disturbance"))
+    gone: list[Any] = []
+    exchange = SimpleNamespace(chain=lambda *one: gone.append(one) or (fits, [first, behind]))
+    monkeypatch.setattr(effect_search, "Exchange", lambda *_: exchange)
+    kind: Any = SimpleNamespace(rule=lambda rule: rule)
+    chain = Chain(fits, (first, behind))
+    found = effect_search._put_right(kind, DiagnosisSettings(), chain)
+    assert found.fits == fits
+    assert bool(gone) is steps_back

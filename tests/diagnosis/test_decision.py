@@ -16,6 +16,7 @@ from msl_fem.diagnosis.decision import (
     _relaxed_gain,
     completes,
     disagrees,
+    does_alone,
     excess_power,
     gauges,
     in_sight,
@@ -263,6 +264,19 @@ def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the
     assert _compensating(kind, three, model, threads=1) is patchwork
     assert not _compensating(kind, searched(("cubic", 992.0), ("film", 137.0)), model, threads=1)
     assert not _compensating(kind, searched(("cubic", 992.0)), model, threads=1)
+    ornament = searched(("cubic", 992.0), ("film", 20.0))
+    assert not _compensating(kind, ornament, model, threads=1), "the first does alone"
+    loud = replace(ornament, excesses=(LOUDER, LOUD, QUIET))
+    assert _compensating(kind, loud, model, threads=1) is (left is not None)
+
+
+def test_an_effect_does_alone_what_others_behind_it_bring_next_to_nothing_to() -> None:
+    assert does_alone(stages(9850.0, 36.8), [LOUD, QUIET, QUIET])
+    assert does_alone(stages(9850.0, 36.8, 500.0), [LOUD, QUIET, QUIET]), "the third is not taken"
+    assert not does_alone(stages(9850.0, 36.8, 500.0), [LOUD, QUIET, QUIET, QUIET])
+    assert not does_alone(stages(992.0, 36.8), [LOUD, QUIET, QUIET])
+    assert not does_alone(stages(9850.0, 36.8), [LOUDER, LOUD, QUIET])
+    assert not does_alone(stages(None), [LOUD])
 
 
 def test_a_drift_is_of_each_run_s_own_so_held_out_runs_do_not_speak_against_it() -> None:

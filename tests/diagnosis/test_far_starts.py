@@ -9,12 +9,12 @@ import pytest
 from msl_fem.computing.gauss_newton import descend
 from msl_fem.diagnosis import fit as fitting
 from msl_fem.diagnosis import runs, scores, search
-from msl_fem.diagnosis.fit import SANE, FitPlan, beyond_sanity, fit
+from msl_fem.diagnosis.fit import SANE, SHORT_WAY, STILL_HOT, FitPlan, beyond_sanity, fit
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns
 from msl_fem.diagnosis.noise import weights_of
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import SMALL, Refinement, Refit
+from msl_fem.diagnosis.refits import NEAR, SMALL, Refinement, Refit
 from msl_fem.diagnosis.runs import Runs
 from msl_fem.diagnosis.scores import ScoredVariants
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -153,13 +153,36 @@ def test_beside_what_a_missing_cause_costs_the_last_nats_are_left() -> None:
     assert sooner.simulations < whole.simulations
 
 
-@pytest.mark.parametrize(("off", "rounds"), [(5 * SANE, (5, 7)), (0.5 * SANE, (14, 14))])
-def test_a_model_beyond_sanity_is_not_followed_for_the_last_nats(off: float, rounds: tuple[int, int]) -> None:
-    """Each round of new starts takes 3 % of what is left, which no number explains."""
+@pytest.mark.parametrize(
+    ("off", "still_hot", "rounds"),
+    [(5 * SANE, np.inf, (5, 7)), (0.5 * SANE, np.inf, (14, 14)), (5 * SANE, STILL_HOT, (3, 4)), (8.0, 10.0, (14, 14))],
+)
+def test_a_model_beyond_sanity_is_not_followed_for_the_last_nats(
+    monkeypatch: pytest.MonkeyPatch, off: float, still_hot: float, rounds: tuple[int, int]
+) -> None:
+    """Each round of new starts takes 3 % of what is left, which no number explains; where the heat has gone and as
+    much is left as that, none is looked at again."""
+    monkeypatch.setattr(fitting, "STILL_HOT", still_hot)
     data = np.concatenate([np.full(200, 10 * off), np.repeat([300.0, -300.0], 100)])
     record = CutRecord(data, strong=10.0, bent=0.0, shrinks=0.985)
     fit(record, UNKNOWNS, np.array([off, 0.0]), plan=FitPlan(most_steps=120))  # type: ignore[arg-type]
     assert rounds[0] <= len(record.followed_at) <= rounds[1]
+
+
+@pytest.mark.parametrize(
+    ("off", "heats", "rounds"), [(5.0, False, (1, 1)), (5.0, True, (3, 14)), (0.2, False, (3, 14))]
+)
+def test_a_fit_without_a_heat_ends_where_it_is_not_back_at_possible_numbers_soon(
+    off: float, heats: bool, rounds: tuple[int, int]
+) -> None:
+    """It is not hot, and each round of new starts brings more than a little."""
+    data = np.concatenate([np.full(200, off * SANE), np.repeat([3.0, -3.0], 100)])
+    record = CutRecord(data, strong=1.0, bent=0.0, shrinks=0.94)
+    plan = FitPlan(most_steps=120, heats=heats)
+    found = fit(record, UNKNOWNS, np.array([off * SANE, 0.0]), plan=plan)  # type: ignore[arg-type]
+    assert found.sane is None
+    assert rounds[0] <= len(record.followed_at) <= rounds[1]
+    assert SHORT_WAY == 2, "the starts are moved between two rounds once"
 
 
 def test_where_a_fit_was_last_at_possible_numbers_is_kept() -> None:
@@ -222,6 +245,30 @@ def test_no_stretches_are_chosen_at_a_model_beyond_sanity(monkeypatch: pytest.Mo
     assert settled.likelihood == "where it ended"
     assert settled.begin is ended.z
     assert settled.sane == "before that"
+
+
+@pytest.mark.parametrize(
+    ("at", "promised", "renews"), [(2 * SANE, 1e4, False), (2 * SANE, 1.0, True), (1.0, 1e4, True)]
+)
+def test_a_beginning_that_is_at_no_end_beyond_sanity_leads_nowhere(
+    monkeypatch: pytest.MonkeyPatch, at: float, promised: float, renews: bool
+) -> None:
+    """No stretches are chosen there."""
+    ended = SimpleNamespace(z=np.array([at, 0.0]), sane=None, predicted=promised)
+    monkeypatch.setattr(runs, "fit", lambda *one, **more: ended)
+    monkeypatch.setattr(runs, "map_beside", lambda *one: None)
+    monkeypatch.setattr(runs, "_likelihood", lambda *one, **more: (None, UNKNOWNS))
+    monkeypatch.setattr(runs, "_loses", lambda *one: False)
+    monkeypatch.setattr(Runs, "renewed", lambda self, found: "chosen anew")
+
+    @dataclass(frozen=True)
+    class Problem:
+        stretches: tuple[object, ...] = ()
+        coarse: None = None
+
+    likelihood = SimpleNamespace(problem=Problem(), substeps=1)
+    kind = Runs(None, likelihood, UNKNOWNS, (), None, (), "a record")  # type: ignore[arg-type]
+    assert kind.begun(str) == ("chosen anew" if renews else None)
 
 
 def candidate(z: list[float], gain: float, likelihood: object) -> Refit:
@@ -316,11 +363,44 @@ def test_of_three_amounts_the_four_likeliest_signs_are_tried(begun) -> None:
     one = candidate([2 * SANE, 9.0, 0.0, 0.0, 5.0], 100.0, Amounts())
     drift = Variant("sensor_drift", amounts)
     fitted = replace(one.fit, unknowns=replace(UNKNOWNS, effects=drift.unknowns))
-    refinement([2 * SANE, 0.0]).from_small_amounts(replace(one, variant=drift, fit=fitted))
+    refinement([2 * SANE, 0.0]).from_small_amounts(replace(one, variant=drift, fit=fitted), by_itself=True)
     tried = [tuple(np.sign(z[2:])) for z in begun[:4]]
     assert len(set(tried)) == 4
     assert {way[-1] for way in tried} == {-1.0}, "those that go where the record is"
     assert all(np.array_equal(z, begun[0]) or z.tolist() in [a.tolist() for a in begun[:4]] for z in begun)
+    begun.clear()
+    refinement([2 * SANE, 0.0]).from_small_amounts(replace(one, variant=drift, fit=fitted))
+    assert len({tuple(np.sign(z[2:])) for z in begun}) == 2, "beside others"
+
+
+def test_an_amount_that_is_none_below_nothing_has_one_sign(begun) -> None:
+    """With the other one it would begin at nothing."""
+    heating = Variant("coil_heating", (EffectUnknown("coil_heating", "rise_per_joule"),))
+    assert heating.amounts[0].one_sided
+    one = candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts())
+    fitted = replace(one.fit, unknowns=replace(UNKNOWNS, effects=heating.unknowns))
+    refinement([2 * SANE, 0.0]).from_small_amounts(replace(one, variant=heating, fit=fitted), by_itself=True)
+    assert {z[-1] for z in begun} == {SMALL[0]}
+
+
+@pytest.mark.parametrize(("by_itself", "legs"), [(False, 1), (True, 2)])
+def test_beside_others_no_way_is_believed_more_than_one_before_has_kept(monkeypatch, by_itself, legs: int) -> None:
+    """Each promises 2000 nats, and the first comes to 50 of them: 5000 are out of reach."""
+    gone: list[Refit] = []
+
+    def fitted(self: Refinement, near, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        found = candidate(list(z), 4000.0, near.likelihood)
+        return replace(found, fit=replace(found.fit, predicted=2000.0))
+
+    def on(self: Refinement, one: Refit) -> Refit:
+        gone.append(one)
+        return replace(one, gain=4050.0, fit=replace(one.fit, predicted=0.0))
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr(Refinement, "_on", on)
+    one = candidate([2 * SANE, 9.0, 5.0], 100.0, Amounts())
+    refinement([2 * SANE, 0.0]).from_small_amounts(one, least=5000.0, by_itself=by_itself)
+    assert len(gone) == legs
 
 
 @pytest.mark.parametrize("stuck", [True, False])
@@ -337,25 +417,39 @@ def test_what_no_step_leads_down_from_goes_no_further(begun, monkeypatch, stuck:
     assert (len(begun) == 2) is stuck, "but the two signs"
 
 
-@pytest.mark.parametrize(("left", "moved", "least"), [(1.0, 0.0, 485.0), (9.0, 0.0, -np.inf), (1.0, 9.0, -np.inf)])
-def test_beside_a_lost_model_others_go_on_to_where_one_leaves_noise(
-    monkeypatch, left: float, moved: float, least: float
+@pytest.mark.parametrize(
+    ("left", "moved", "told", "begin"),
+    [
+        (1.0, 0.0, {}, [100.0, 90.0]),
+        (9.0, 0.0, {}, [100.0, 90.0, 30.0]),
+        (1.0, 9.0, {}, [100.0, 90.0, 30.0]),
+        (9.0, 9.0, {"of_part": True}, [100.0, 90.0]),
+        (9.0, 0.0, {"ends": {CUBIC: np.zeros(3)}}, [100.0, 90.0, 30.0]),
+        (1.0, 0.0, {"ends": {CUBIC: np.zeros(3)}}, []),
+    ],
+    ids=["all taken", "more than noise", "bent", "nearly all of a part", "known, and more", "known, and all taken"],
+)
+def test_beside_a_lost_model_what_is_far_behind_one_that_takes_all_does_not_begin_again(
+    monkeypatch, left: float, moved: float, told: dict[str, object], begin: list[float]
 ) -> None:
-    """And bends nothing: else each may lead."""
+    """Others go on if they promise to come as far as the one in front has."""
     asked: list[tuple[float, float, bool]] = []
 
     def anew(self: Refinement, one: Refit, least: float = -np.inf, *, by_itself: bool = False) -> Refit:
         asked.append((one.gain, least, by_itself))
-        return replace(one, gain=5 * one.gain)
+        return replace(one, gain=one.gain + 1.0)
 
     monkeypatch.setattr(Refinement, "from_small_amounts", anew)
     monkeypatch.setattr(fitting.Fit, "excess", {"position_m": left})
-    race = refinement([2 * SANE, 0.0], sane=base_at([1.0, 0.0]))
-    every = [candidate([moved, 0.0, 5.0], gain, Amounts()) for gain in (40.0, 100.0, 10.0)]
+    monkeypatch.setattr(fitting.Fit, "nats_of_noise", -105.0)  # 5 below what the one in front leaves, 105 below all
+    base = base_at([2 * SANE, 0.0], base_at([1.0, 0.0]))
+    race = Refinement(base, str, FitMemory(), **told)  # type: ignore[arg-type]
+    every = [candidate([moved, 0.0, 5.0], gain, Amounts()) for gain in (90.0, 100.0, 30.0)]
     kept, behind = race._lost_from_small_amounts(every)
-    assert asked[0] == (100.0, -np.inf, True)
-    assert sorted(asked[1:]) == [(10.0, least, False), (40.0, least, False)]
-    assert [one.gain for one in (*kept, *behind)] == [500.0, 200.0, 50.0]
+    assert [one for one, *_ in asked] == begin
+    assert [rest for _, *rest in asked] == [[-np.inf, True], *[[101.0 - NEAR, False]] * 2][: len(asked)]
+    assert not behind
+    assert sorted(one.gain for one in kept) == [30.0 + (30.0 in begin), 90.0 + bool(begin), 100.0 + bool(begin)]
     assert race._lost_from_small_amounts([]) == ([], [])
 
 

@@ -193,8 +193,8 @@ FRICTION, MODE, LAG = (Variant(name, ()) for name in ("coulomb_friction", "struc
 class Asked:
     """A refinement that makes of candidates what it is told, and notes of which it was asked."""
 
-    def __init__(self, gains: dict[Variant, float], *, takes: bool) -> None:
-        self.gains, self.takes, self.asked = gains, takes, list[list[Variant]]()
+    def __init__(self, gains: dict[Variant, float], *, takes: bool, lost: bool = False) -> None:
+        self.gains, self.takes, self.lost, self.asked = gains, takes, lost, list[list[Variant]]()
         self.told: dict[str, Any] = {}
 
     def best_first(self, candidates: list[Any]) -> list[Refit]:
@@ -208,12 +208,15 @@ class Asked:
 
 
 @pytest.mark.parametrize(("part_takes", "whole_takes"), [(True, True), (True, False), (False, True)])
+@pytest.mark.parametrize("lost", [False, True])
 def test_what_leads_over_the_part_is_asked_first_and_the_whole_decides(
-    monkeypatch, part_takes: bool, whole_takes: bool
+    monkeypatch, part_takes: bool, whole_takes: bool, lost: bool
 ) -> None:
-    gains = {FRICTION: 1000.0, MODE: 1000.0 - NEAR / 2, LAG: 600.0}
-    part = Asked(gains, takes=part_takes)
-    whole = Asked({name: 4 * gain for name, gain in gains.items()}, takes=whole_takes)
+    """Beside a model that is lost wherever it leads to; what is near it there comes less near."""
+    gains = {FRICTION: 1000.0, MODE: 900.0 if lost else 1000.0 - NEAR / 2, LAG: 600.0}
+    part = Asked(gains, takes=part_takes, lost=lost)
+    part_takes |= lost
+    whole = Asked({name: 4 * gain for name, gain in gains.items()}, takes=whole_takes, lost=lost)
     monkeypatch.setattr(first_part, "_over_first_part", lambda base: SimpleNamespace(residual=np.zeros(25)))
     base: Any = SimpleNamespace(residual=np.zeros(100), unknowns=SimpleNamespace(effects=()))
 
