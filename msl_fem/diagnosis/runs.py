@@ -52,8 +52,9 @@ FAR, LOSES = 10.0, 2.0
 both a cause is missing, and what of it piles up over a stretch is no more a small change of the model."""
 ROUGH_BEGINNING = 100.0
 """Nats that a fit may still gain over parts of stretches: over whole ones it goes on."""
-OF_ALL_RUNS = 0.5
-"""The same of one of fitted and held-out runs together: little beside what refuses a name."""
+OF_ALL_RUNS, STEPS_OF_ALL = 0.5, 24
+"""The same of one of fitted and held-out runs together: little beside what refuses a name; and its steps at most, for
+what begins at the end of a fit of most of these runs is near its own, or finds none."""
 OTHER_HOLD: Mapping[Hold, Hold] = {"zero-order": "linear", "linear": "zero-order"}
 ALIKE, FINER = 0.05, 3
 """Nats by which runs may differ in coarse steps from others, so many times finer than fine ones."""
@@ -180,9 +181,9 @@ class Runs(Kind):
         return rule
 
     def predictive_gain(self, before: Fit, after: Fit) -> float:
-        without = self._evidence_of_all(before, FitPlan(enough=OF_ALL_RUNS)) - before.log_evidence
+        without = self._evidence_of_all(before, FitPlan(STEPS_OF_ALL, enough=OF_ALL_RUNS)) - before.log_evidence
         nothing = after.log_evidence + without  # beyond it more steps bring more
-        found = self._evidence_of_all(after, FitPlan(enough=OF_ALL_RUNS, until=nothing))
+        found = self._evidence_of_all(after, FitPlan(STEPS_OF_ALL, enough=OF_ALL_RUNS, until=nothing))
         return found - nothing if found > -np.inf else -np.inf
 
     def dependences(

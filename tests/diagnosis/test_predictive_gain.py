@@ -15,7 +15,7 @@ from msl_fem.diagnosis.kind import about_belief
 from msl_fem.diagnosis.likelihood import Fit, Likelihood, jacobian_columns
 from msl_fem.diagnosis.noise import NoiseWeights
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.runs import Runs, prepared_runs
+from msl_fem.diagnosis.runs import STEPS_OF_ALL, Runs, prepared_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import ComputationError
@@ -138,3 +138,4 @@ def test_a_fit_of_all_runs_goes_on_until_it_confirms_an_effect(monkeypatch: pyte
     monkeypatch.setattr(Runs, "_evidence_of_all", evidence)
     assert kind.predictive_gain(before, after) == pytest.approx(40.0)
     assert [plan.until for plan in plans] == [np.inf, pytest.approx(after.log_evidence + 5.0)]
+    assert {plan.most_steps for plan in plans} == {STEPS_OF_ALL}, "neither may come further than the other"
