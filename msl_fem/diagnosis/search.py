@@ -88,8 +88,8 @@ def search_stage(
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
     where `memory` says that they ended. Where the fit leaves noise alone, and all scores are far below the nats that
     their effects need, a first effect's best one alone is refitted, and none behind a first effect: there the columns
-    of a stage before, `near`, tell which effects are, and these go no further. Elsewhere they tell which are scored
-    exactly. Refits that will not count are not led to their ends."""
+    of a stage before, `near`, tell which effects are, and these go no further, unless parameters are bent. Where more
+    than noise is left they tell which are scored exactly. Refits that will not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
     base = converged_base(start) if quiet else start
@@ -104,7 +104,7 @@ def search_stage(
         if not seen:
             return SearchStage(base, roughly.scores, (), roughly.null)
         tried = _of_effects({*seen, *COMPENSATED}, tried)
-    telling = None if beside else near
+    telling = None if quiet else near  # what is faint beside noise, columns from far away do not tell
     at_base = scored_where_likely(base, tried, telling)
     if at_base.dropped:
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")

@@ -8,7 +8,7 @@ from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refits import started
+from msl_fem.diagnosis.refits import BENT, STRAINED, started
 from msl_fem.diagnosis.scores import AmountColumns, Score, scored
 from msl_fem.diagnosis.search import scored_where_likely, search_stage
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -103,6 +103,17 @@ def test_where_some_can_count_these_alone_are_scored_once_more(asked) -> None:
     assert asked[0] == 2, "cubic spring and gap"
     assert stage.refits[0].variant == tried[0]
     assert stage.columns is near
+
+
+def test_beside_noise_all_are_scored_exactly_where_parameters_are_bent(monkeypatch) -> None:
+    """Columns of a stage before may be from far away: here they are those of another effect."""
+    monkeypatch.setattr("msl_fem.diagnosis.search.LIKELY", 0)
+    monkeypatch.setattr("msl_fem.diagnosis.search.strained", lambda found, tolerances=STRAINED: tolerances == BENT)
+    without, beside = with_offset(0.3, 0.2)
+    near = replace(columns_of(without), places={(CUBIC, ()): 0})
+    assert scored(beside, VARIANTS[1:], near=near).scores[0].gain < 5.0
+    stage = search_stage(beside, VARIANTS[1:], tell=str, needed=lambda variant: 24.0, near=near)
+    assert [one.variant for one in stage.refits] == VARIANTS[1:]
 
 
 def test_where_more_than_noise_is_left_what_is_not_among_the_best_keeps_its_rough_score(asked, monkeypatch) -> None:
