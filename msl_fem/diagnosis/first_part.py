@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
-from msl_fem.diagnosis.refits import LAST_STEPS, LOST_NEAR, NEAR, ROUGH, Refinement, Refit, let_go
+from msl_fem.diagnosis.refits import LAST_STEPS, ROUGH, Refinement, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
 PLENTY = 1_000.0
@@ -35,8 +35,7 @@ def best_first(
     let_go(refits)
     whole = beside(base, memory=memory, ends={one.variant: one.fit.z for one in refits})
     if refits and (there.lost or there.takes_all(refits[0])):
-        least = refits[0].gain - (LOST_NEAR * abs(refits[0].gain) if there.lost else NEAR)
-        near = {one.variant for one in refits if one.gain > least}
+        near = {one.variant for one in refits if there.is_near(one, refits[0])}
         led = whole.best_first([score for score in candidates if score.variant in near])
         if led and whole.takes_all(led[0]):
             share = first.residual.size / base.residual.size

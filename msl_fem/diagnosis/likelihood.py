@@ -54,6 +54,8 @@ COLUMNS = 16
 """Of a Jacobian that are simulated together: in double precision each is twice as large as where it stays."""
 LONGER = 2.0
 """Times as many, from which a record is long."""
+OF_PIECES = "_labels_of_runs", "_places_of_runs", "_alike"
+"""What a likelihood finds of its pieces, whatever their starts."""
 
 
 def over_chance(residual: Array) -> float:
@@ -383,7 +385,12 @@ class Likelihood:
 
     def gathering(self, runs: GatheredRuns | None) -> "Likelihood":
         """The same, its simulations run where they meet with those of other fits."""
-        return replace(self, gathered=runs)
+        return self._knows(replace(self, gathered=runs), (*OF_PIECES, "spent"))
+
+    def _knows(self, other: "Likelihood", names: Sequence[str]) -> "Likelihood":
+        """Another one that knows what has been found here and is the same there."""
+        vars(other).update((name, vars(self)[name]) for name in names if name in vars(self))
+        return other
 
     @property
     def highest_at_rest(self) -> float:
@@ -412,7 +419,7 @@ class Likelihood:
 
     def starting(self, starts: Starts) -> "Likelihood":
         """With stretches that begin elsewhere."""
-        return replace(self, problem=self.problem.with_starts(starts))
+        return self._knows(replace(self, problem=self.problem.with_starts(starts)), (*OF_PIECES, "spent"))
 
     def followed(self, unknowns: Unknowns, z: Array) -> "Likelihood":
         """With the starts of the stretches moved to where the model at z has them."""
@@ -421,7 +428,7 @@ class Likelihood:
             for n, cut in enumerate(self.problem.stretches):
                 shot = Shooting(self.problem, n, spread, substeps=self.substeps)
                 cuts.append(None if cut is None else shot.refined(cut))
-        return replace(self, problem=replace(self.problem, stretches=tuple(cuts)))
+        return self._knows(replace(self, problem=replace(self.problem, stretches=tuple(cuts))), OF_PIECES)
 
     def objective(self, unknowns: Unknowns, z: Array) -> float:
         """S at z; inf where the simulation fails."""

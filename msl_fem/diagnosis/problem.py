@@ -94,7 +94,7 @@ class FitProblem:
     def with_starts(self, starts: "Starts") -> "FitProblem":
         """With stretches that begin elsewhere, (1, n_stretch, 4) of each run."""
         each = zip(self.cuts, starts, strict=True)
-        return replace(self, stretches=tuple(None if cut is None else replace(cut, starts=own[0]) for cut, own in each))
+        return replace(self, stretches=tuple(None if cut is None else cut.starting(own[0]) for cut, own in each))
 
     def first(self, samples: int) -> "FitProblem":
         """With the first stretches alone of each run that is followed over such, in which so many samples of all runs

@@ -250,7 +250,7 @@ class Refinement:
             return _in_front(kept)
         self.tell(f"once more with small amounts and all else as believed: {', '.join(_effects(kept))}")
         first = self.from_small_amounts(first, by_itself=True)
-        near = [one for one in others if one.gain > (1 - LOST_NEAR) * first.gain]
+        near = [one for one in others if self.is_near(one, first)]
         farther = [one for one in others if one not in near]
         least = first.gain - NEAR
         begun = [first, *self._together(lambda one: self.from_small_amounts(one, least), near)]
@@ -361,6 +361,11 @@ class Refinement:
         if self.lost or _leaves_noise(refit) or not self.base.likelihood.is_cut:
             return _leaves_noise(refit)
         return self._takes_nearly_all(refit)
+
+    def is_near(self, refit: Refit, leader: Refit) -> bool:
+        """Whether a candidate is so near the one that leads that it may overtake it over the whole record, or at its
+        end."""
+        return refit.gain > leader.gain - (LOST_NEAR * abs(leader.gain) if self.lost else NEAR)
 
     def _takes_nearly_all(self, refit: Refit) -> bool:
         noise = refit.fit.nats_of_noise

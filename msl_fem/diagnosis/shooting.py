@@ -285,7 +285,7 @@ class Shooting:
             over = self._residuals(rows, replace(cut, starts=cut.starts))
             finite &= _all(_finite(over), cut)
             over -= base[:, None]
-            whole.leave_out_starts(np.nan_to_num(over, copy=False))
+            whole.leave_out_starts(_or_nothing(over))
             squares += np.einsum("crn,crn->cn", over, over)
         self._seen[_key(cut)] = finite
         near &= _all(self._near(np.sqrt(squares)), cut)
@@ -354,8 +354,12 @@ def _finite(over: Array) -> NDArray[np.bool_]:
 def _slopes(over: Array) -> Array:
     """(n_channel, n_start, n_sample) of residuals (n_channel, 1 + n_start, n_sample) behind moves of none and of each
     start."""
-    slopes = (over[:, 1:] - over[:, :1]) / STEP
-    return np.nan_to_num(slopes, copy=False)
+    return _or_nothing((over[:, 1:] - over[:, :1]) / STEP)
+
+
+def _or_nothing(values: Array) -> Array:
+    """The values, in place, 0 where one is no number."""
+    return values if np.isfinite(values.sum()) else np.nan_to_num(values, copy=False)
 
 
 def _all(samples: NDArray[np.bool_], cut: Stretches) -> NDArray[np.bool_]:

@@ -28,8 +28,9 @@ class Simulated:
 
     @classmethod
     def of(cls, cut: Stretches, over: Array) -> "Simulated":
-        costs = np.add.reduceat(np.sum(np.nan_to_num(over, nan=LOST) ** 2, axis=0), cut.begins)
-        return cls(cut, np.nan_to_num(over), costs)
+        finite = np.isfinite(over.sum())  # as mostly: then nothing has to be looked for
+        squares = np.sum((over if finite else np.nan_to_num(over, nan=LOST)) ** 2, axis=0)
+        return cls(cut, over.copy() if finite else np.nan_to_num(over), np.add.reduceat(squares, cut.begins))
 
     @property
     def total(self) -> float:

@@ -11,7 +11,7 @@ white noise and a normal prior of d the starts are eliminated,
 (`plant.restart`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,12 @@ class Stretches:
         for part in self.counted_parts(n_sample):
             counts[part] = True
         return counts
+
+    def starting(self, starts: Array) -> "Stretches":
+        """With other starts, the slopes being these."""
+        other = replace(self, starts=starts)
+        vars(other).update((name, value) for name, value in vars(self).items() if name == "_inverse")
+        return other
 
     def first(self, n: int, samples: int) -> "Stretches":
         """The first n of them, which have so many samples together."""

@@ -193,6 +193,8 @@ FRICTION, MODE, LAG = (Variant(name, ()) for name in ("coulomb_friction", "struc
 class Asked:
     """A refinement that makes of candidates what it is told, and notes of which it was asked."""
 
+    is_near = Refinement.is_near
+
     def __init__(self, gains: dict[Variant, float], *, takes: bool, lost: bool = False) -> None:
         self.gains, self.takes, self.lost, self.asked = gains, takes, lost, list[list[Variant]]()
         self.told: dict[str, Any] = {}

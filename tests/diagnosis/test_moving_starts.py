@@ -17,7 +17,7 @@ from msl_fem.diagnosis.likelihood import Likelihood, put_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.shooting import REFINED, ModelSpread, Shooting
-from msl_fem.diagnosis.start_refinement import StartRefinement
+from msl_fem.diagnosis.start_refinement import LOST, Simulated, StartRefinement
 from msl_fem.prediction import ModelHypothesis, run_data
 from msl_fem.record import Record
 
@@ -231,8 +231,8 @@ def test_what_has_lost_its_way_over_a_stretch_stays_there(kind) -> None:
     cut, n_channel = problem.stretches[0], len(problem.channels(0))
     here, there = (StartRefinement(cut, np.ones(cut.slopes.shape[1]), by_themselves=True) for _ in range(2))
     left = np.ones(cut.slopes.shape[-1])
-    here.take([left] * n_channel, cut.slopes)
-    there.take([np.where(np.arange(left.size) < cut.begins[2], 3.0, left)] * n_channel, cut.slopes)
+    here.take(np.tile(left, (n_channel, 1)), cut.slopes)
+    there.take(np.tile(np.where(np.arange(left.size) < cut.begins[2], 3.0, left), (n_channel, 1)), cut.slopes)
     least = np.minimum(here.least, there.least)
     for one in (here, there):
         one.give_up(least)
@@ -279,3 +279,33 @@ def test_a_fit_may_go_on_with_columns_of_where_it_is(kind) -> None:
         plan = FitPlan(1, enough=1e9, fresh_begin=fresh, fresh_end=False)
         on = fit(begun.likelihood, kind.unknowns, begun.z, plan=plan, goes_on=begun)
         assert on.simulations == (kind.unknowns.size if fresh else 0)
+
+
+def test_a_copy_knows_what_was_found_where_it_is_the_same_there(kind) -> None:
+    """What starts spend goes with their slopes, which are others where they are moved to another model."""
+    z, ways = np.zeros(kind.unknowns.size), ("gathering", "starting", "followed")
+    z[scale_of(kind)] = -20.0
+    likelihood = replace(kind.likelihood)
+    spent, labels = likelihood.spent, likelihood.labels
+    asked = {"gathering": (None,), "starting": (likelihood.problem.starts(1),), "followed": (kind.unknowns, z)}
+    for way in ways:
+        other = getattr(likelihood, way)(*asked[way])
+        anew = replace(other)
+        assert other.labels is labels
+        assert anew.labels is not labels
+        np.testing.assert_array_equal(anew.labels, labels)
+        np.testing.assert_array_equal(other.spent, anew.spent)
+        assert (other.spent is spent) == (way != "followed")
+    assert not np.array_equal(likelihood.followed(kind.unknowns, z).spent, spent)
+
+
+def test_what_cannot_be_simulated_leaves_nothing_and_costs_much(kind) -> None:
+    cut = kind.likelihood.problem.stretches[0]
+    over = np.ones((len(kind.likelihood.problem.channels(0)), cut.slopes.shape[-1]))
+    whole = Simulated.of(cut, over)
+    over[0, cut.begins[2] - 1] = np.nan
+    lost = Simulated.of(cut, over)
+    np.testing.assert_array_equal(np.flatnonzero(lost.costs != whole.costs), [1])
+    assert lost.costs[1] > LOST**2
+    np.testing.assert_array_equal(lost.left, np.where(np.isnan(over), 0.0, 1.0))
+    assert not np.may_share_memory(whole.left, over)

@@ -102,9 +102,9 @@ def test_starts_that_leave_far_less_together_are_kept_as_they_are(by_themselves:
     begins, lengths = np.array([0, 20, 50]), [20, 30, 40]
     cut = Stretches(begins, np.zeros((3, 4)), np.zeros((1, 2, 90)))
     one = StartRefinement(cut, np.ones(2), by_themselves=by_themselves)
-    one.take([np.repeat([1.0, 9.0, 9.0], lengths)], cut.slopes)
+    one.take(np.repeat([1.0, 9.0, 9.0], lengths)[None], cut.slopes)
     one.cut = replace(cut, starts=np.ones((3, 4)))
-    one.take([np.repeat([2.0, 3.0, 4.0], lengths)], cut.slopes)
+    one.take(np.repeat([2.0, 3.0, 4.0], lengths)[None], cut.slopes)
     assert not one.mixed
     assert one.best.starts[:, 2].tolist() == kept
 
@@ -115,10 +115,10 @@ def test_of_starts_tried_together_those_are_kept_that_leave_least_where_it_count
     begins, lengths = np.array([0, 20, 50]), [20, 30, 40]
     cut = Stretches(begins, np.zeros((3, 4)), np.zeros((1, 2, 90)), np.array([outside, False, False]))
     one = StartRefinement(cut, np.ones(2), by_themselves=False)
-    one.take([np.repeat([1.0, 3.0, 3.0], lengths)], cut.slopes)
+    one.take(np.repeat([1.0, 3.0, 3.0], lengths)[None], cut.slopes)
     one.cut = replace(cut, starts=np.ones((3, 4)))
-    one.take([np.repeat([9.0, 2.0, 4.0], lengths)], cut.slopes)
+    one.take(np.repeat([9.0, 2.0, 4.0], lengths)[None], cut.slopes)
     assert one.mixed
     assert one.best.starts[:, 2].tolist() == [0.0, 1.0, 0.0], "of each the better ones"
-    one.mix([np.repeat([8.0, 2.0, 3.0], lengths)])
+    one.mix(np.repeat([8.0, 2.0, 3.0], lengths)[None])
     assert one.best.starts[:, 2].tolist() == ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0])[kept]
