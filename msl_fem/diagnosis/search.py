@@ -85,11 +85,11 @@ def search_stage(
     near: AmountColumns | None = None,
 ) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
-    where `memory` says that they ended. Where the fit leaves noise alone, those are refitted that score some of the
-    nats that their effects need, and those that scores miss; where none does, a first effect's best one alone, and none
-    behind a first effect: there the columns of a stage before, `near`, tell which do, and these go no further, unless
-    parameters are bent. Where more than noise is left they tell which are scored exactly. Refits that will not count
-    are not led to their ends."""
+    where `memory` says that they ended. Where the fit leaves noise alone, those are refitted that score some of the nats
+    that their effects need, and those that scores miss; where there is none that does, a first effect's best one alone,
+    and none behind a first effect: there the columns of a stage before, `near`, tell which do, and these go no further,
+    unless parameters are bent. Where more than noise is left they tell which are scored exactly. Refits that will not
+    count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
     base = converged_base(start) if quiet else start
