@@ -58,8 +58,6 @@ NEARLY = 0.5
 MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
-COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
-"""Effects that gap, scale, table and gains make up for nearly, so that at a strained fit a linear score misses them."""
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 BENT = 2.5  # tolerances, from which what is made up for as far as `MADE_UP` may be what bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
@@ -331,22 +329,14 @@ class Refinement:
     def _screened(self, candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
         """Candidates that were screened, and those that ended after a first look. Where one of those in `FRONT` by
         their linear scores leaves nearly noise alone, and bends no believed parameter, the others have nothing to come
-        to. Beside noise those behind are not looked at that promise less than `FRONT` of what one has come to that is
-        `NEARLY` the best by its score, or of which scores tell little."""
-        quiet = max(self.base.excess.values()) <= QUIET
-        least = (NEARLY if quiet else FRONT) * max((score.gain for score in candidates), default=0.0)
-
-        def in_front(score: Score) -> bool:
-            return self.lost or score.gain >= least or (quiet and score.variant.effect in COMPENSATED)
-
-        front = [score for score in candidates if in_front(score)]
+        to."""
+        most = max((score.gain for score in candidates), default=0.0)
+        every = self.lost or max(self.base.excess.values()) <= QUIET
+        front = [score for score in candidates if every or score.gain >= FRONT * most]
         behind = [score for score in candidates if score not in front]
         further, ended = self._screened_beside([], front)
-        if further and not quiet and self.takes_all(min(further, key=_by_gain)):
+        if further and self.takes_all(min(further, key=_by_gain)):
             return further, ended
-        if quiet:
-            best = max((refit.gain for refit in further), default=0.0)
-            behind = [score for score in behind if score.gain >= FRONT * best]
         more, also = self._screened_beside(further, behind)
         return [*further, *more], [*ended, *also]
 

@@ -21,7 +21,6 @@ from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import (
     AT_ONCE,
     BENT,
-    COMPENSATED,
     LAST_STEPS,
     MADE_UP,
     Refinement,
@@ -47,6 +46,8 @@ FINITE = (0.03, 0.1, 0.3, 1.0)  # of z: sizes in which an amount that may act be
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
 NEAR_END = 10.0  # nats that a fit without effects is from its end, where its columns are those of the end
+COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
+"""Effects that gap, scale, table and gains make up for nearly, so that at a strained fit a linear score misses them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +86,10 @@ def search_stage(
     near: AmountColumns | None = None,
 ) -> SearchStage:
     """What one of these variants more would bring to a fit, which is converged as far as that asks for; refits begin
-    where `memory` says that they ended. Where the fit leaves noise alone, those are refitted that score some of the nats
-    that their effects need, and those that scores miss; where there is none that does, a first effect's best one alone,
-    and none behind a first effect: there the columns of a stage before, `near`, tell which do, and these go no further,
-    unless parameters are bent. Where more than noise is left they tell which are scored exactly. Refits that will not
-    count are not led to their ends."""
+    where `memory` says that they ended. Where the fit leaves noise alone, and all scores are far below the nats that
+    their effects need, a first effect's best one alone is refitted, and none behind a first effect: there the columns
+    of a stage before, `near`, tell which effects are, and these go no further, unless parameters are bent. Where more
+    than noise is left they tell which are scored exactly. Refits that will not count are not led to their ends."""
     tell("all effects")
     quiet = max(start.excess.values()) <= QUIET
     base = converged_base(start) if quiet else start
@@ -120,7 +120,7 @@ def search_stage(
         candidates += beyond_thresholds(base, every, candidates)
     if quiet and not any(map(worth, candidates)):
         candidates = candidates[: 0 if base.unknowns.effects else 1]
-    elif quiet:
+    elif quiet and base.unknowns.effects:
         candidates = [one for one in candidates if worth(one) or one.variant.effect in COMPENSATED]
     if strained(base, BENT):
         made_up_for = COMPENSATED if strained(base) else MADE_UP
