@@ -301,10 +301,10 @@ def strong(stages: Sequence[SearchStage], n: int, share: float = BESIDE) -> bool
 
 
 def does_alone(stages: Sequence[SearchStage], excesses: Excesses) -> bool:
-    """Whether the first effect leaves noise, and those behind it, as many as there are fits, bring next to nothing
-    beside it: they say nothing against it."""
+    """Whether the first effect leaves noise, and one more, of the fits that there are, brings next to nothing beside
+    it: that says nothing against it. Two more may stand for a weak one that is neither."""
     gains = [0.0 if stage.best is None else stage.best.gain for stage in stages[: len(excesses) - 1]]
-    return bool(gains) and white(excesses[1]) and sum(gains[1:]) < WEAK * gains[0]
+    return 1 <= len(gains) <= 2 and white(excesses[1]) and sum(gains[1:]) < WEAK * gains[0]
 
 
 def completes(before: Mapping[str, float], after: Mapping[str, float], share: float = FINISHED) -> bool:

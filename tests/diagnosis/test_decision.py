@@ -270,10 +270,11 @@ def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the
     assert _compensating(kind, loud, model, threads=1) is (left is not None)
 
 
-def test_an_effect_does_alone_what_others_behind_it_bring_next_to_nothing_to() -> None:
+def test_an_effect_does_alone_what_one_behind_it_brings_next_to_nothing_to() -> None:
     assert does_alone(stages(9850.0, 36.8), [LOUD, QUIET, QUIET])
     assert does_alone(stages(9850.0, 36.8, 500.0), [LOUD, QUIET, QUIET]), "the third is not taken"
     assert not does_alone(stages(9850.0, 36.8, 500.0), [LOUD, QUIET, QUIET, QUIET])
+    assert not does_alone(stages(9850.0, 36.8, 30.0), [LOUD, QUIET, QUIET, QUIET]), "two may stand for one"
     assert not does_alone(stages(992.0, 36.8), [LOUD, QUIET, QUIET])
     assert not does_alone(stages(9850.0, 36.8), [LOUDER, LOUD, QUIET])
     assert not does_alone(stages(None), [LOUD])
