@@ -25,12 +25,14 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from json_lines import rows_in
 from marked_text import rewrite
 from study_rigs import ROOT, excitations_of, loop_of, study_rig
 
 from msl_fem.bench import BenchOptions, parse_requests, sealed_record, usual_excitations
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.errors import InputError
+from msl_fem.files.whole_file import whole_file
 from msl_fem.plant.effects import CATALOGUE
 from msl_fem.plant.excitation import Excitation, parse_excitation
 from msl_fem.record import Record
@@ -91,16 +93,26 @@ def made(name: str, drive: str, hidden: str) -> Record:
     return sealed_record(actuator, table, parse_requests((hidden,)), options).record
 
 
+def made_once(name: str, drive: str, hidden: str, records: Path) -> Record:
+    """The same, kept in a folder for the next time."""
+    path = records / f"{name} {drive} {hidden}.pickle"
+    if not path.exists():
+        records.mkdir(parents=True, exist_ok=True)
+        record = made(name, drive, hidden)
+        with whole_file(path) as part:
+            part.write_bytes(pickle.dumps(record))
+    found: Record = pickle.loads(path.read_bytes())
+    return found
+
+
 def measured(name: str, drive: str, hidden: str, threads: int, records: Path | None) -> None:
     """Diagnoses one record and prints what it took as JSON."""
-    table, path = study_rig(name).table, None if records is None else records / f"{name} {drive} {hidden}.pickle"
+    table = study_rig(name).table
     try:
-        record = made(name, drive, hidden) if path is None or not path.exists() else pickle.loads(path.read_bytes())
+        record = made(name, drive, hidden) if records is None else made_once(name, drive, hidden, records)
     except InputError as err:  # not every effect can be as large in every drive
         print(json.dumps({"bench": str(err)}))
         return
-    if path is not None and not path.exists():
-        path.write_bytes(pickle.dumps(record))
     import_module("numba")
     seconds = sum(run.time.size for run in record.runs) / RATE
     wall, cpu = time.monotonic(), time.process_time()
@@ -126,7 +138,7 @@ def main() -> None:
     if options.one:
         measured(*options.one, options.threads, options.records)
         return
-    rows, known = [], kept(options.results)
+    rows, known = [], kept(rows_in(options.results) if options.results else [])
     for case in [one for one in EVERY if one[0] in options.rigs.split(",")] if options.every else CASES:
         own = known.get(case, [])
         while len(own) < options.times and not any("bench" in row for row in own):
@@ -154,11 +166,10 @@ def measured_apart(case: Case, threads: int, records: Path | None) -> Row:
     return dict(zip(("rig", "drive", "hidden"), case, strict=True)) | json.loads(printed.splitlines()[-1])
 
 
-def kept(results: Path | None) -> dict[Case, list[Row]]:
-    """The rows of a file by what they are of; none without one."""
+def kept(rows: Sequence[Row]) -> dict[Case, list[Row]]:
+    """Rows by what they are of."""
     found: dict[Case, list[Row]] = {}
-    for line in results.read_text().splitlines() if results and results.exists() else []:
-        row = json.loads(line)
+    for row in rows:
         found.setdefault((row["rig"], row["drive"], row["hidden"]), []).append(row)
     return found
 

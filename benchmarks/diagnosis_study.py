@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from json_lines import rows_in
 from marked_text import rewrite
 from scipy.stats import beta
 from study_rigs import ROOT, StudyRig, excitations_of, loop_of, study_rig
@@ -284,15 +285,7 @@ def outcome(found: Diagnosis) -> Row:
 
 def done(path: Path) -> list[Row]:
     """The lines that are there, the last of each case; one that was cut off is left out."""
-    rows: dict[str, Row] = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
-        try:
-            row = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        if row.get("version") == VERSION:
-            rows[row["key"]] = row
-    return list(rows.values())
+    return list({row["key"]: row for row in rows_in(path) if row.get("version") == VERSION}.values())
 
 
 @dataclass(frozen=True)

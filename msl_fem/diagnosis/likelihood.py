@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.known_copies import knowing
 from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.noise import (
@@ -385,12 +386,7 @@ class Likelihood:
 
     def gathering(self, runs: GatheredRuns | None) -> "Likelihood":
         """The same, its simulations run where they meet with those of other fits."""
-        return self._knows(replace(self, gathered=runs), (*OF_PIECES, "spent"))
-
-    def _knows(self, other: "Likelihood", names: Sequence[str]) -> "Likelihood":
-        """Another one that knows what has been found here and is the same there."""
-        vars(other).update((name, vars(self)[name]) for name in names if name in vars(self))
-        return other
+        return knowing(replace(self, gathered=runs), self, *OF_PIECES, "spent")
 
     @property
     def highest_at_rest(self) -> float:
@@ -419,7 +415,7 @@ class Likelihood:
 
     def starting(self, starts: Starts) -> "Likelihood":
         """With stretches that begin elsewhere."""
-        return self._knows(replace(self, problem=self.problem.with_starts(starts)), (*OF_PIECES, "spent"))
+        return knowing(replace(self, problem=self.problem.with_starts(starts)), self, *OF_PIECES, "spent")
 
     def followed(self, unknowns: Unknowns, z: Array) -> "Likelihood":
         """With the starts of the stretches moved to where the model at z has them."""
@@ -428,7 +424,7 @@ class Likelihood:
             for n, cut in enumerate(self.problem.stretches):
                 shot = Shooting(self.problem, n, spread, substeps=self.substeps)
                 cuts.append(None if cut is None else shot.refined(cut))
-        return self._knows(replace(self, problem=replace(self.problem, stretches=tuple(cuts))), OF_PIECES)
+        return knowing(replace(self, problem=replace(self.problem, stretches=tuple(cuts))), self, *OF_PIECES)
 
     def objective(self, unknowns: Unknowns, z: Array) -> float:
         """S at z; inf where the simulation fails."""

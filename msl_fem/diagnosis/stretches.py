@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.known_copies import knowing
 from msl_fem.diagnosis.row_loops import put_gram, put_moves
 
 
@@ -58,9 +59,7 @@ class Stretches:
 
     def starting(self, starts: Array) -> "Stretches":
         """With other starts, the slopes being these."""
-        other = replace(self, starts=starts)
-        vars(other).update((name, value) for name, value in vars(self).items() if name == "_inverse")
-        return other
+        return knowing(replace(self, starts=starts), self, "_inverse")
 
     def first(self, n: int, samples: int) -> "Stretches":
         """The first n of them, which have so many samples together."""
