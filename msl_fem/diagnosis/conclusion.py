@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.correlation import correlation_of
 from msl_fem.diagnosis.decision import (
@@ -52,6 +54,9 @@ NEARLY_AS_PROBABLE = 2 * TIE
 APART = 2.0
 """Nats that the record itself would bring one of two on average, below which they leave the same: whoever asks the
 record alone takes one for the other once in six times (the normal distribution at sqrt(2 APART)/2)."""
+COSTS = 10.0
+"""Times the nats that a further effect brings, that held-out runs lose with all numbers as fitted at most, where what
+the fit leaves uncertain may be why."""
 NO_EXTENDED_MODEL = "held-out runs are followed worse than by the believed model, so there is no extended model"
 
 
@@ -226,7 +231,8 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
     """The search with as many effects as are named, and why not more.
 
     What the fit runs leave uncertain, held-out runs may show far better: another frequency, a resonance. Where they are
-    followed worse with an effect, their predictive density decides, of which that uncertainty is a part.
+    followed worse with an effect, their predictive density decides, of which that uncertainty is a part. Not so where a
+    further effect loses many times what it brings (`COSTS`): the uncertainty is that of those before it.
     """
     taken, effects = result.taken, result.effects
     notes = []
@@ -239,7 +245,9 @@ def _named(kind: Kind, result: EffectSearch, gains: Sequence[float]) -> tuple[Ef
         if effect in OWN_OF_A_RUN:
             notes.append(f"{effect} is of each run's own: that of the fit run says nothing of held-out runs")
             break
-        predicted = kind.predictive_gain(*result.fits[taken - 1 : taken + 1])
+        best = result.stages[taken - 1].best
+        asked = taken == 1 or best is None or -gains[taken - 1] <= COSTS * best.gain
+        predicted = kind.predictive_gain(*result.fits[taken - 1 : taken + 1]) if asked else -np.inf
         if not _refused(result, taken - 1, predicted):
             notes.append(
                 f"with {effect} held-out runs lose {-gains[taken - 1]:.3g} nats with all numbers as fitted, and change "

@@ -301,6 +301,17 @@ def test_what_held_out_runs_lose_by_the_fit_s_uncertainty_refuses_no_name(predic
     assert more == (2 if predicted > 0 else 1), "beside more than noise they have to become better"
 
 
+@pytest.mark.parametrize(("lost", "named"), [(7928.0, 1), (390.0, 2)])
+def test_what_a_further_effect_costs_many_times_over_no_uncertainty_of_its_own_excuses(lost: float, named: int) -> None:
+    """What is left of friction whose rise near standstill is hardly told looks like a slow force for a while."""
+    found = searched(("coulomb_friction", 9844.0), ("periodic_disturbance", 39.9))
+    told, notes = _named(predicting(367.0), found, [56688.0, -lost])
+    assert told.taken == named
+    assert ("makes held-out runs worse" in notes[0]) == (named == 1)
+    first = searched(("structural_mode", 39.9))
+    assert _named(predicting(367.0), first, [-lost])[0].taken == 1, "of the first the uncertainty is its own"
+
+
 @pytest.mark.parametrize("effect", ["sensor_drift", "squeeze_film"])
 def test_no_effect_may_leave_a_fifth_of_the_excess_power(effect: str) -> None:
     left = {"x": 4.2, "i": 2.0}
