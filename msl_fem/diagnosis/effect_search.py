@@ -29,7 +29,8 @@ from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import fit_name
 from msl_fem.diagnosis.kind import Kind, about_belief
 from msl_fem.diagnosis.likelihood import QUIET, Fit
-from msl_fem.diagnosis.refits import NEARLY, ROUGH, Refinement, Refit
+from msl_fem.diagnosis.refinement import NEARLY, Refinement
+from msl_fem.diagnosis.refits import ROUGH, Refit
 from msl_fem.diagnosis.search import SearchStage, search_stage
 from msl_fem.diagnosis.settings import DiagnosisSettings
 

@@ -19,7 +19,8 @@ from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula_terms import law_sizes, library
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
-from msl_fem.diagnosis.refits import Refinement, Refit
+from msl_fem.diagnosis.refinement import Refinement
+from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.scores import Background, Score, seen_columns, signatures
 from msl_fem.diagnosis.search import converged_base, ranked
 from msl_fem.diagnosis.variants import record_features, variants

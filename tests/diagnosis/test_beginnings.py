@@ -8,7 +8,8 @@ import pytest
 
 from msl_fem.diagnosis import effect_search
 from msl_fem.diagnosis.effect_search import BEGINNINGS, NEARLY, Chain, _beginnings, _begun_with, _Doubt, search_effects
-from msl_fem.diagnosis.refits import Refinement, Refit
+from msl_fem.diagnosis.refinement import Refinement
+from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.variants import Variant

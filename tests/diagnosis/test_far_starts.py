@@ -14,7 +14,8 @@ from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns
 from msl_fem.diagnosis.noise import weights_of
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import NEAR, SMALL, Refinement, Refit
+from msl_fem.diagnosis.refinement import NEAR, Refinement
+from msl_fem.diagnosis.refits import SMALL, Refit
 from msl_fem.diagnosis.runs import Runs
 from msl_fem.diagnosis.scores import ScoredVariants
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns

@@ -11,14 +11,15 @@ from conftest import ROOT
 from numpy.typing import NDArray
 
 from msl_fem.actuator import load_actuator
-from msl_fem.diagnosis import first_part, refits, search
+from msl_fem.diagnosis import first_part, refinement, search
 from msl_fem.diagnosis.effect_search import without_effects
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.kind import about_belief
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import LAST_STEPS, NEAR, Refinement, Refit
+from msl_fem.diagnosis.refinement import LAST_STEPS, NEAR, Refinement
+from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.variants import Variant
@@ -268,22 +269,22 @@ def test_a_candidate_begins_where_it_came_to_over_the_part_if_that_is_better(bas
 def test_what_begins_once_more_as_believed_is_led_over_the_part_before_the_whole(kind, base, long, monkeypatch) -> None:
     """And comes to the same end as over the whole alone, in fewer simulations of all of it."""
     [variant] = [one for one in about_belief(kind, base) if one.name.startswith("coulomb_friction (force; transition")]
-    refinement, plan = Refinement(base, str, FitMemory()), FitPlan(LAST_STEPS, enough=0.5)
-    leader = refinement.screened(search.scored(base, [variant]).scores[0])
+    race, plan = Refinement(base, str, FitMemory()), FitPlan(LAST_STEPS, enough=0.5)
+    leader = race.screened(search.scored(base, [variant]).scores[0])
     assert leader is not None
     fits: list[Fit] = []
-    plain = refits.fit
+    plain = refinement.fit
 
     def noted(*numbers: Any, **told: Any) -> Fit:
         fits.append(plain(*numbers, **told))
         return fits[-1]
 
-    monkeypatch.setattr(refits, "fit", noted)
-    by_part = refinement._as_believed(leader, variant, plan)
+    monkeypatch.setattr(refinement, "fit", noted)
+    by_part = race._as_believed(leader, variant, plan)
     part, whole = fits
     assert part.residual.size < 0.5 * whole.residual.size == 0.5 * base.residual.size
     monkeypatch.setattr("msl_fem.diagnosis.likelihood.SAMPLES", 10**6)
-    at_once = refinement._as_believed(leader, variant, plan)
+    at_once = race._as_believed(leader, variant, plan)
     assert at_once is not None
     assert by_part is not None
     assert by_part.fit.objective == pytest.approx(at_once.fit.objective, abs=1.0)

@@ -25,7 +25,7 @@ from msl_fem.diagnosis.noise import (
     weights_of,
 )
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import Refinement
+from msl_fem.diagnosis.refinement import Refinement
 from msl_fem.diagnosis.scores import Score, scores
 from msl_fem.diagnosis.search import converged_base, peaks, ranked, search_stage
 from msl_fem.diagnosis.unknowns import CAUCHY, EffectUnknown, Unknowns, factor

@@ -13,7 +13,7 @@ import pytest
 from msl_fem.diagnosis.gathered import GatheredRuns, gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.problem import FitProblem, Points
-from msl_fem.diagnosis.refits import AT_ONCE, Refinement
+from msl_fem.diagnosis.refinement import AT_ONCE, Refinement
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 
 BELIEVED = (("moving_mass", 0.01), ("stiffness", 0.01))

@@ -7,22 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from msl_fem.diagnosis.fit import FIRST_LOOK
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns, Fit
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refits import (
-    CATCHING_UP,
-    FIRST_LOOK,
-    MORE_LEGS,
-    RACED_STEPS,
-    SCREENING_STEPS,
-    SIZES,
-    Refinement,
-    Refit,
-    _is_behind,
-    _may_lead,
-    _Screening,
-)
+from msl_fem.diagnosis.refinement import MORE_LEGS, SCREENING_STEPS, SIZES, Refinement, _is_behind, _may_lead
+from msl_fem.diagnosis.refits import CATCHING_UP, RACED_STEPS, Refit
+from msl_fem.diagnosis.screening import Screening
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -127,7 +118,7 @@ def test_a_leader_begins_with_new_columns_and_is_led_nearly_to_its_end(
 
 
 def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
-    monkeypatch.setattr("msl_fem.diagnosis.refits.MORE_LEGS", 0)
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.MORE_LEGS", 0)
     begin = refit([9.0, 5.0, 0.3], 6000.0)
     assert Refinement(BASE, lambda text: None, FitMemory()).converged(begin, leads=True).gain == 6100.0
 
@@ -305,7 +296,7 @@ def test_a_leader_that_leaves_more_than_noise_goes_on_for_nats_that_are_little_o
 def test_while_candidates_are_screened_those_far_behind_let_their_columns_go() -> None:
     """As soon as another one is far ahead; where none gains anything, all keep them."""
     for gains, kept in ([(100.0, 20.0, 40.0), (True, False, True)], [(-1.0, -9.0), (True, True)]):
-        screening = _Screening(lambda text: None, len(gains), "screening", _is_behind)
+        screening = Screening(lambda text: None, len(gains), "screening", _is_behind)
         every = [screening.ends(FRICTION, refit([0.0, 0.0, 0.3], gain)) for gain in gains]
         assert [one is not None and one.fit.columns.values is not None for one in every] == list(kept)
 
@@ -334,7 +325,7 @@ def test_what_is_hopeless_or_far_behind_after_a_first_look_is_screened_no_furthe
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: list(kept))
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
-    monkeypatch.setattr("msl_fem.diagnosis.refits.started", lambda near, score, likelihood: np.zeros(3))
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.started", lambda near, score, likelihood: np.zeros(3))
     scores: Any = [SimpleNamespace(gain=1.0, variant=FRICTION)] * len(gains)
     hopeless_ones = [first[n] for n in hopeless]
     race = Refinement(BASE, lambda text: None, FitMemory(), lambda one: one in hopeless_ones)
@@ -367,7 +358,7 @@ def test_beside_one_in_front_that_leaves_noise_and_bends_nothing_no_other_is_loo
 
     monkeypatch.setattr(Refinement, "screened", screened)
     monkeypatch.setattr(Refinement, "screened_on", lambda self, one: one)
-    monkeypatch.setattr("msl_fem.diagnosis.refits._leaves_noise", lambda one: leaves_noise)
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.leaves_noise", lambda one: leaves_noise)
     monkeypatch.setattr(Sizes, "excess", lambda self, found: {"position_m": left})
     race = Refinement(replace(BASE), lambda text: None, FitMemory())
     race.lost = lost

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from msl_fem.diagnosis.refits import WITH_COLUMNS, _Screening
+from msl_fem.diagnosis.screening import WITH_COLUMNS, Screening
 
 
 class Candidate(SimpleNamespace):
@@ -22,7 +22,7 @@ class Candidate(SimpleNamespace):
 def test_only_the_best_candidates_over_stretches_keep_their_jacobians(*, is_cut: bool) -> None:
     """In whatever order they end; those of runs that are followed as a whole are small."""
     gains = [30.0, 90.0, 10.0, 70.0, 50.0, 20.0, 80.0, 40.0, 60.0]
-    screening = _Screening(lambda text: None, len(gains), "a first look", lambda refit, best: False)
+    screening = Screening(lambda text: None, len(gains), "a first look", lambda refit, best: False)
     every = [Candidate(gain, is_cut=is_cut) for gain in gains]
     for one in every:
         screening.ends(one.variant, one)  # type: ignore[arg-type, type-var]
