@@ -25,7 +25,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from json_lines import rows_in
+from json_lines import append, rows_in
 from marked_text import rewrite
 from study_rigs import ROOT, excitations_of, loop_of, study_rig
 
@@ -144,8 +144,7 @@ def main() -> None:
         while len(own) < options.times and not any("bench" in row for row in own):
             own.append(measured_apart(case, options.threads, options.records))
             if options.results:
-                with options.results.open("a") as file:
-                    file.write(json.dumps(own[-1]) + "\n")
+                append(options.results, own[-1])
         if "bench" in own[0]:
             print(f"{', '.join(case)}: {own[0]['bench']}", file=sys.stderr)
             continue

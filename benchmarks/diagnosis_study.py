@@ -16,7 +16,6 @@ over as many that were told in their place.
 """
 
 import argparse
-import json
 import sys
 import time
 from collections import Counter
@@ -27,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from json_lines import rows_in
+from json_lines import append, rows_in
 from marked_text import rewrite
 from scipy.stats import beta
 from study_rigs import ROOT, StudyRig, excitations_of, loop_of, study_rig
@@ -313,25 +312,21 @@ def run(path: Path, portion: Portion) -> None:
     """Makes the cases of a portion that are not there, each line written as soon as it is known."""
     left = portion.left({row["seed"] for row in done(path) if row.get("study", SEED) == portion.study})
     begin = time.monotonic()
-    with path.open("a", encoding="utf-8") as out:
-        for n, case in enumerate(left, 1):
-            row = tried(case)
-            out.write(json.dumps(row) + "\n")
-            out.flush()
-            minutes = (time.monotonic() - begin) / n * (len(left) - n) / 60
-            told = row.get("names", row.get("failed", row.get("bench")))
-            print(f"{n}/{len(left)}, {minutes:.0f} min left: {case.key}: {row.get('verdict')} {told}", file=sys.stderr)
+    for n, case in enumerate(left, 1):
+        row = tried(case)
+        append(path, row)
+        minutes = (time.monotonic() - begin) / n * (len(left) - n) / 60
+        told = row.get("names", row.get("failed", row.get("bench")))
+        print(f"{n}/{len(left)}, {minutes:.0f} min left: {case.key}: {row.get('verdict')} {told}", file=sys.stderr)
 
 
 def ask_of_missed(path: Path) -> None:
     """Adds to the cases in which a hidden effect was not named the nats that it brings, and where others were told in
     place of the hidden ones, as many, how far they are apart."""
     left = [row for row in done(path) if "truth" in row and is_missed(row) and ("shown" not in row or unasked(row))]
-    with path.open("a", encoding="utf-8") as out:
-        for row in map(asked, left):
-            out.write(json.dumps(row) + "\n")
-            out.flush()
-            print(f"{row['key']}: {row['names']}, shown {row['shown']}, apart {row.get('apart')}", file=sys.stderr)
+    for row in map(asked, left):
+        append(path, row)
+        print(f"{row['key']}: {row['names']}, shown {row['shown']}, apart {row.get('apart')}", file=sys.stderr)
 
 
 def is_missed(row: Row) -> bool:

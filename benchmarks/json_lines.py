@@ -14,3 +14,13 @@ def rows_in(path: Path) -> list[dict[str, Any]]:
         except json.JSONDecodeError:
             continue
     return rows
+
+
+def append(path: Path, row: dict[str, Any]) -> None:
+    """Adds a line, on one of its own behind one that was cut off."""
+    with path.open("ab+") as file:
+        if file.tell():
+            file.seek(-1, 2)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        file.write(json.dumps(row).encode() + b"\n")

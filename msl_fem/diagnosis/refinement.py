@@ -448,29 +448,37 @@ class Refinement:
         amounts nearly balance each other, the likeliest beginning is the one whose unbalance suits, and the way is
         long. Beside others fewer are tried, and what a way has come to of its promise, those of other ways are worth.
         """
-        unknowns, likelihood = refit.fit.unknowns, refit.fit.likelihood.gathering(gathered_here())
-        n, amounts, begin = self.base.unknowns.n_nuisance, len(refit.variant.amounts), as_believed(refit.fit)
+        likelihood, begin = refit.fit.likelihood.gathering(gathered_here()), as_believed(refit.fit)
         if likelihood.is_cut:
-            likelihood = likelihood.followed(unknowns, begin)
+            likelihood = likelihood.followed(refit.fit.unknowns, begin)
         near = replace(refit, fit=replace(refit.fit, likelihood=likelihood))
         plan = FitPlan(most_steps=SCREENING_STEPS, enough=ROUGH, fresh_end=False)
         columns = self._columns_without(likelihood, begin)
-
-        def along(way: Sequence[float]) -> tuple[float, Array]:
-            rows = np.tile(begin, (len(SMALL), 1))
-            rows[:, n : n + amounts] = np.outer(SMALL, way)
-            rows = np.array([unknowns.allowed(row) for row in rows])
-            costs = objectives(likelihood.gathering(gathered_here()), unknowns, rows)
-            return float(costs.min()), rows[int(np.argmin(costs))]
 
         def each(step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
             return self._together(step, items) if by_itself else list(map(step, items))
 
         signs = [(1.0,) if amount.one_sided else (1.0, -1.0) for amount in refit.variant.amounts]
-        ways = sorted(each(along, list(product(*signs))), key=lambda way: way[0])
-        found = each(lambda way: self._begun_anew(near, way[1], plan, columns), ways[: WAYS if by_itself else FEW_WAYS])
+        ways = each(lambda way: self._along(near, begin, way), list(product(*signs)))
+        likeliest = sorted(ways, key=lambda way: way[0])[: WAYS if by_itself else FEW_WAYS]
+        found = each(lambda way: self._begun_anew(near, way[1], plan, columns), likeliest)
         begun = sorted((one for one in found if one is not None), key=by_gain)
         let_go(begun)
+        ended = self._farthest_on(refit, self._gone_on(refit, begun, least, by_itself=by_itself), least)
+        return max([refit, *begun, *ended], key=lambda one: one.gain)
+
+    def _along(self, near: Refit, begin: Array, way: Sequence[float]) -> tuple[float, Array]:
+        """S, and where a candidate begins: at amounts of these signs, in the likeliest of several sizes."""
+        unknowns, n = near.fit.unknowns, self.base.unknowns.n_nuisance
+        rows = np.tile(begin, (len(SMALL), 1))
+        rows[:, n : n + len(way)] = np.outer(SMALL, way)
+        rows = np.array([unknowns.allowed(row) for row in rows])
+        costs = objectives(near.fit.likelihood.gathering(gathered_here()), unknowns, rows)
+        return float(costs.min()), rows[int(np.argmin(costs))]
+
+    def _gone_on(self, refit: Refit, begun: Sequence[Refit], least: float, *, by_itself: bool) -> list[Refit]:
+        """Of what has begun at small amounts, the best first, what may still lead and come to what counts, some steps
+        on."""
         ended: list[Refit] = []
         kept = 1.0  # share of its promise that a way has come to
         for one in begun:
@@ -482,15 +490,19 @@ class Refinement:
                 ended.append(self._on(one))
                 if not by_itself and promise > 0:
                     kept = min(kept, max(ended[-1].reach - one.gain, 0.0) / promise)
+        return ended
+
+    def _farthest_on(self, refit: Refit, ended: list[Refit], least: float) -> list[Refit]:
+        """The same, the most promising in legs as long as it may still lead and these bring what counts."""
         for _ in range(MORE_LEGS if ended else 0):
             far = max(ended, key=lambda one: one.reach)
             if not far.promising or far.reach <= max(refit.gain, least, *(one.gain for one in ended)):
                 break
-            ended.append(self._on(far))
-            ended.remove(far)
-            if ended[-1].gain - far.gain < far.enough:
+            on = self._on(far)
+            ended = [*(one for one in ended if one is not far), on]
+            if on.gain - far.gain < far.enough:
                 break
-        return max([refit, *begun, *ended], key=lambda one: one.gain)
+        return ended
 
     def _columns_without(self, likelihood: Likelihood, z: Array) -> Slopes | None:
         """The nuisances' columns where a candidate is nothing, for all that begin near by; None where none can be had,
