@@ -228,8 +228,8 @@ class Exchange:
             try:
                 fits.append(fit(found.fit.likelihood, unknowns, z, plan=plan))
             except ComputationError:  # the numbers of the whole set cannot be followed without the others
-                z = _behind(fits[-1], found.fit, unknowns, z[fits[-1].z.size :])
-                fits.append(fit(found.fit.likelihood, unknowns, z, plan=plan))
+                z = _behind(fits[-1], unknowns, z[fits[-1].z.size :])
+                fits.append(fit(fits[-1].likelihood, unknowns, z, plan=plan))
             base, whole = fits[-2], fits[-1]
             gain = whole.log_evidence - base.log_evidence
             best = Refit(chosen[-1], whole, gain)
@@ -238,12 +238,12 @@ class Exchange:
         return fits, stages
 
 
-def _behind(before: Fit, found: Fit, unknowns: Unknowns, own: Array) -> Array:
-    """Where a fit of one effect more may begin: where the fit without it ended, and of its own numbers as much as suits
-    best there, nothing at the least."""
+def _behind(before: Fit, unknowns: Unknowns, own: Array) -> Array:
+    """Where a fit of one effect more may begin: where the fit without it ended, with its stretches, and of its own
+    numbers as much as suits best there, nothing at the least."""
     amounts = np.array([unknown.width == 0.0 for unknown in unknowns.effects[-own.size :]])
     rows = [np.concatenate([before.z, np.where(amounts, share * own, own)]) for share in (*SHARES, 0.0)]
-    return rows[int(np.argmin(objectives(found.likelihood, unknowns, np.array(rows))))]
+    return rows[int(np.argmin(objectives(before.likelihood, unknowns, np.array(rows))))]
 
 
 def _beside_the_others(stage: SearchStage, place: _Place, found: EffectSet) -> SearchStage:

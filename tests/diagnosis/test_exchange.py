@@ -237,9 +237,30 @@ def test_a_set_whose_parts_cannot_be_followed_at_its_numbers_is_told_from_smalle
     record = linear(truth=(0.4, 0.6), mixed=(0.5, 0.5))
     fits, stages = searched(record, BOW, CUBIC, OFFSET)
     lost = LostAlone(record.data, record.nuisances, record.of_effect)
-    better = put_right([*fits[:-1], replace(fits[-1], likelihood=lost)], stages)
+    better = put_right([replace(one, likelihood=lost) for one in fits], stages)
     assert better is not None
     chain, made = better
     assert {stage.best.variant.effect for stage in made} == {"stiffness_nonlinearity", "force_offset"}
     assert chain[-1].z[-2:] == pytest.approx([CUBIC.z_of(CUBIC.value(0.6)), 0.4], abs=0.06)
     assert abs(chain[1].z[-1]) <= 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class OfTheSet(LinearRecord):
+    """Stretches that begin where they suit two effects: without one of them nothing can be followed from there."""
+
+    def spectra(self, points: Points) -> np.ndarray:
+        assert points.effects is not None
+        both = np.all([points.effects[:, one.place] != 0 for one in (OFFSET, CUBIC)], axis=0)
+        return np.where(both[:, None], super().spectra(points), np.nan)
+
+
+def test_a_set_of_whose_parts_none_can_be_followed_from_its_stretches_is_told_from_those_of_the_fit_before() -> None:
+    record = linear(truth=(0.4, 0.6), mixed=(0.5, 0.5))
+    fits, stages = searched(record, OFFSET, CUBIC, rivals=(CUBIC,))
+    its_own = OfTheSet(record.data, record.nuisances, record.of_effect)
+    better = put_right([*fits[:-1], replace(fits[-1], likelihood=its_own)], stages)
+    assert better is not None
+    chain, made = better
+    assert {stage.best.variant.effect for stage in made} == {"stiffness_nonlinearity", "force_offset"}
+    assert [one.likelihood for one in chain] == [record, record, its_own]
