@@ -14,8 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refinement import LAST_STEPS, SCREENING_STEPS
-from msl_fem.diagnosis.refits import SHARES, Refit, extended, let_go, objectives
+from msl_fem.diagnosis.refits import LAST_STEPS, SCREENING_STEPS, SHARES, Refit, extended, let_go, objectives
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
-from msl_fem.diagnosis.refinement import LAST_STEPS, Refinement
-from msl_fem.diagnosis.refits import ROUGH, Refit, let_go
+from msl_fem.diagnosis.refinement import Refinement
+from msl_fem.diagnosis.refits import LAST_STEPS, ROUGH, Refit, let_go
 from msl_fem.diagnosis.scores import Score
 
 PLENTY = 1_000.0

@@ -18,10 +18,13 @@ from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherin
 from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, first_columns
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import (
+    BENT,
     CATCHING_UP,
     FRACTION,
+    LAST_STEPS,
     RACED_STEPS,
     ROUGH,
+    SCREENING_STEPS,
     SMALL,
     Refit,
     as_believed,
@@ -41,14 +44,13 @@ from msl_fem.errors import ComputationError
 from msl_fem.plant.effects import find_parameter
 
 ELIMINATED = 0.25  # of the gain that the best refit has made: a refit below it after screening goes no further
-FIRST_STEPS = 20  # of a candidate that begins there
+FIRST_STEPS = 20  # of a candidate that begins with `SMALL` amounts
 WAYS, FEW_WAYS = 4, 2  # combinations of its amounts' signs with which it begins at most, and beside others
 SIZES = np.geomspace(1 / 16, 512, 15)
 """Of the amounts of the leader that is begun at the belief, over those beside a model that has made up for it."""
 LEAST = 1 / 64  # of these amounts, with which starts of stretches are found before
-SHAPE_LEGS = 3  # of as many steps, for a leader begun at other shapes
+SHAPE_LEGS = 3  # of `FIRST_STEPS`, for a leader begun at other shapes
 SHAPES_BESIDE = 2  # of these
-SCREENING_STEPS = 6
 FAR_BEHIND = 0.1
 """Of the gain that the best has made after a first look, to which a candidate has to come with what it promises."""
 FRONT = 0.25  # of the best linear score: candidates that are looked at before the others
@@ -59,16 +61,14 @@ LOST_NEAR = 0.15
 """Share of its gain, within which others are near what leads beside a model that is lost: few fits come to their ends
 there."""
 REFINEMENT_STEPS = 25
-LAST_STEPS = 20
-MORE_LEGS = 6  # of as many steps, for the leader and what begins far off alone, as long as they bring what counts
+MORE_LEGS = 6  # of `LAST_STEPS`, for the leader and what begins far off alone, as long as they bring what counts
 NEARLY = 0.5
 """Share of the best gain, to which another refit has to come to be of interest beside it."""
 MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
-BENT = 2.5  # tolerances, from which what is made up for as far as `MADE_UP` may be what bends it
 NEAR = 15.0  # nats behind the best within which refits are converged
-LED = 1e-4  # the same of the one that leads, `ROUGH` at most
+LED = 1e-4  # of its gain that the one that leads may still gain, `ROUGH` at most
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
 AT_ONCE = 3
 """Candidates that go on at the same time where each has starts of stretches of its own, which take memory, and after

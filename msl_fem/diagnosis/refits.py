@@ -16,12 +16,15 @@ from msl_fem.diagnosis.variants import Variant
 SMALL = (0.03, 0.1, 0.3)  # of z: the largest amount with which a candidate may begin
 SHARES = (1.0, 0.4, 0.1)  # of the way to the linear model's best at which a refit may begin
 AS_PROMISED = 0.5  # of its nats, that the linear model's best brings where a refit begins there
+SCREENING_STEPS = 6
+LAST_STEPS = 20
 RACED_STEPS = 5  # of a candidate that is kept, until it is looked at again
 CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
+BENT = 2.5  # tolerances, from which what gains make up for nearly may be what bends it
 
 
 @dataclass(frozen=True, eq=False)

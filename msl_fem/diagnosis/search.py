@@ -18,8 +18,8 @@ from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refinement import AT_ONCE, BENT, LAST_STEPS, MADE_UP, Refinement
-from msl_fem.diagnosis.refits import Refit, extended, objectives, strained
+from msl_fem.diagnosis.refinement import AT_ONCE, MADE_UP, Refinement
+from msl_fem.diagnosis.refits import BENT, LAST_STEPS, Refit, extended, objectives, strained
 from msl_fem.diagnosis.scores import AmountColumns, Score, ScoredVariants, scored
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.diagnosis.variants import Variant

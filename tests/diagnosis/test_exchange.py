@@ -202,11 +202,15 @@ class ReadingInTwo(LinearRecord):
 
 
 @dataclass(frozen=True, eq=False)
-class LostWithoutCubic(LinearRecord):
-    """A simulation fails where there is no cubic."""
+class LostWithout(LinearRecord):
+    """A simulation fails where one of these is nothing."""
+
+    needed: tuple[EffectUnknown, ...] = (CUBIC,)
 
     def spectra(self, points: Points) -> np.ndarray:
-        there = np.zeros(len(points.rows), bool) if points.effects is None else points.effects[:, CUBIC.place] != 0
+        there = np.zeros(len(points.rows), bool)
+        if points.effects is not None:
+            there = np.all([points.effects[:, one.place] != 0 for one in self.needed], axis=0)
         return np.where(there[:, None], super().spectra(points), np.nan)
 
 
@@ -214,7 +218,7 @@ def test_an_effect_without_which_nothing_can_be_followed_stays() -> None:
     """And the others are put right beside it."""
     record = linear(truth=(0.4, 0.6), mixed=(0.5, 0.5))
     fits, stages = searched(record, BOW, CUBIC, OFFSET)
-    lost = LostWithoutCubic(record.data, record.nuisances, record.of_effect)
+    lost = LostWithout(record.data, record.nuisances, record.of_effect)
     better = put_right([*fits[:-1], replace(fits[-1], likelihood=lost)], stages)
     assert better is not None
     assert {stage.best.variant.effect for stage in better[1]} == {"stiffness_nonlinearity", "force_offset"}
@@ -245,20 +249,10 @@ def test_a_set_whose_parts_cannot_be_followed_at_its_numbers_is_told_from_smalle
     assert abs(chain[1].z[-1]) <= 0.25
 
 
-@dataclass(frozen=True, eq=False)
-class OfTheSet(LinearRecord):
-    """Stretches that begin where they suit two effects: without one of them nothing can be followed from there."""
-
-    def spectra(self, points: Points) -> np.ndarray:
-        assert points.effects is not None
-        both = np.all([points.effects[:, one.place] != 0 for one in (OFFSET, CUBIC)], axis=0)
-        return np.where(both[:, None], super().spectra(points), np.nan)
-
-
 def test_a_set_of_whose_parts_none_can_be_followed_from_its_stretches_is_told_from_those_of_the_fit_before() -> None:
     record = linear(truth=(0.4, 0.6), mixed=(0.5, 0.5))
     fits, stages = searched(record, OFFSET, CUBIC, rivals=(CUBIC,))
-    its_own = OfTheSet(record.data, record.nuisances, record.of_effect)
+    its_own = LostWithout(record.data, record.nuisances, record.of_effect, (OFFSET, CUBIC))
     better = put_right([*fits[:-1], replace(fits[-1], likelihood=its_own)], stages)
     assert better is not None
     chain, made = better

@@ -18,8 +18,8 @@ from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.kind import about_belief
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refinement import LAST_STEPS, NEAR, Refinement
-from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.refinement import NEAR, Refinement
+from msl_fem.diagnosis.refits import LAST_STEPS, Refit
 from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.variants import Variant

@@ -11,8 +11,8 @@ from msl_fem.diagnosis.fit import FIRST_LOOK
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns, Fit
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refinement import MORE_LEGS, SCREENING_STEPS, SIZES, Refinement, _is_behind, _may_lead
-from msl_fem.diagnosis.refits import CATCHING_UP, RACED_STEPS, Refit
+from msl_fem.diagnosis.refinement import MORE_LEGS, SIZES, Refinement, _is_behind, _may_lead
+from msl_fem.diagnosis.refits import CATCHING_UP, RACED_STEPS, SCREENING_STEPS, Refit
 from msl_fem.diagnosis.screening import Screening
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant

@@ -8,8 +8,7 @@ from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
 from msl_fem.diagnosis.fit import fit
 from msl_fem.diagnosis.likelihood import Fit
-from msl_fem.diagnosis.refinement import BENT
-from msl_fem.diagnosis.refits import STRAINED, started
+from msl_fem.diagnosis.refits import BENT, STRAINED, started
 from msl_fem.diagnosis.scores import AmountColumns, Score, scored
 from msl_fem.diagnosis.search import scored_where_likely, search_stage
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
