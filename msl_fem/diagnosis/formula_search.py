@@ -18,10 +18,11 @@ from msl_fem.diagnosis.decision import BY_CHANCE, completes, excess_power, white
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula_terms import law_sizes, library
 from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.refinement import Refinement
 from msl_fem.diagnosis.refits import Refit
-from msl_fem.diagnosis.scores import Background, Score, seen_columns, signatures
+from msl_fem.diagnosis.scores import Score, score_of, seen_columns, signatures
 from msl_fem.diagnosis.search import converged_base, ranked
 from msl_fem.diagnosis.variants import record_features, variants
 from msl_fem.plant.effects import declared
@@ -117,7 +118,7 @@ def _scored(base: Fit, laws: Sequence[LawExpression]) -> tuple[list[Score], Null
             raw = signatures(base, [(variant.amounts[0], variant.shapes) for variant in tried])
             seen = np.flatnonzero(seen_columns(raw))
             background = Background(base, raw[:, seen])
-            scores += [background.score(tried[k], (place,)) for place, k in enumerate(seen)]
+            scores += [score_of(background, tried[k], (place,)) for place, k in enumerate(seen)]
             columns.append(raw[:, seen])
     if not scores:
         return [], NullDistribution()

@@ -184,18 +184,30 @@ class NoiseWeights:
     density : (n_label,)
     root : (n_number,) one over the square root of each number's density
     nats : the data's part of S
+    count, limits : (n_label,) the numbers that tell a density, those of its prior among them, and its ceiling
     wander : (n_number,) of each density the share of a zero that wanders (`wander`); None: none does
     """
 
     density: Array
     root: Array
     nats: float
+    count: Array
+    limits: Array
     wander: Array | None = None
 
     @property
     def of_noise(self) -> Array | float:
         """(n_number,) of each density the share of the noise, or 1 of all."""
         return 1.0 if self.wander is None else 1 - self.wander
+
+    def again(self, squares: Array) -> tuple[float, Array]:
+        """(the objective's data part up to a constant, the densities over those before) where the numbers of the labels
+        have these sums of squares (n_label,) over the densities before; these stay where a zero wanders."""
+        if self.wander is not None:
+            return float(squares.sum()) / 2, np.ones(squares.size)
+        power = squares * self.density + PRIOR
+        density = np.minimum(power / self.count, self.limits)
+        return _nats(density, power, self.count), density / self.density
 
 
 def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array, spent: Array | float = 0.0) -> NoiseWeights:
@@ -204,5 +216,10 @@ def weights_of(residual: Array, labels: NDArray[np.intp], ceilings: Array, spent
     count, power = PRIOR - spent + np.zeros(len(ceilings)), np.full(len(ceilings), PRIOR)
     add_squares(count, power, residual, labels)
     density = np.minimum(power / count, ceilings)
-    nats = np.sum(count * (np.log(density) - 1) + power / density) / 2
-    return NoiseWeights(density, np.take(1 / np.sqrt(density), labels), float(nats))
+    root = np.take(1 / np.sqrt(density), labels)
+    return NoiseWeights(density, root, _nats(density, power, count), count, ceilings)
+
+
+def _nats(density: Array, power: Array, count: Array) -> float:
+    """Minus the log likelihood of so many numbers of these sums of squares, their densities integrated out."""
+    return float(np.sum(count * (np.log(density) - 1) + power / density) / 2)

@@ -1,16 +1,7 @@
-"""What each effect would bring to a fit, by the linear model around it: the evidence of all variants at once.
+"""What each effect would bring to a fit, by the linear model around it (`linear_model`): the evidence of all variants.
 
-The linear evidence is exact for the linear model around a fit. At a most probable point without an effect, with the
-weighted residual r, the columns J of what is unknown there and C of the effect's amounts, the likelihood over the
-amounts a is that of a linear model with
-
-    G = C'C - C'J (J'J + I)^-1 J'C,   b = -C'r + C'J (J'J + I)^-1 (J'r + z)
-      = R'R + X'X,                      = -R'r + X'z,   X = (J'J + I)^-1 J'C,   R = C - J X,
-
-and with Cauchy's prior the log evidence grows by b'a - a'Ga/2 - sum log(1 + a^2) - log det(G + 2)/2 at the best a. The
-second form loses no digits where what is unknown makes up for almost all of C. G tells how far apart an effect and all
-that is unknown are: the noncentrality of an effect of given size is a'Ga (a case of Kay, Statistical Signal Processing
-II, 1998, ch. 6).
+Its matrix G tells how far apart an effect and all that is unknown are: the noncentrality of an effect of given size a
+is a'Ga (a case of Kay, Statistical Signal Processing II, 1998, ch. 6).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,19 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
-from msl_fem.computing.gauss_newton import normal_equations, summed_over_rows
 from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.row_loops import put_slopes
-from msl_fem.diagnosis.unknowns import CAUCHY, STEP_OF_AMOUNTS, EffectUnknown
+from msl_fem.diagnosis.unknowns import STEP_OF_AMOUNTS, EffectUnknown
 from msl_fem.diagnosis.variants import Variant
 
 Shapes = tuple[EffectUnknown, ...]
 Amount = tuple[EffectUnknown, Shapes]
 """An amount, and the shapes around which it acts."""
-ROUNDING = 1e-12  # of a diagonal: amounts that act alike
 AT_ONCE = 32  # amounts that are simulated together
 
 
@@ -56,101 +46,50 @@ class Score:
     signature: Slopes | None = None
 
 
-class Background:
-    """What is unknown at a fit, and the columns of many amounts, multiplied with one another once."""
-
-    def __init__(self, found: Fit, raw: Slopes) -> None:
-        """`raw` are columns (n_number, n_amount) of the residual, not weighted; they are weighted in place."""
-        root, jacobian = found.weights.root, found.jacobian
-        raw *= root[:, None]
-        self.c = raw
-        residual = found.residual * root
-        _, prior_slope, curvature = found.unknowns.prior(found.z)
-        threads = found.likelihood.threads
-        gram, slope = normal_equations(jacobian, root, found.residual, threads=threads)
-
-        def with_unknowns(rows: slice) -> tuple[Array, ...]:
-            return ((jacobian[rows] * root[rows, None]).T @ raw[rows].astype(np.float64),)
-
-        [between] = summed_over_rows(with_unknowns, len(raw), threads=threads)
-        inverse = np.linalg.inv(gram + np.diag(curvature))
-        absorbed = inverse @ between
-        self.still, self.moved = -inverse @ (slope + prior_slope), -absorbed
-
-        def beside_them(rows: slice) -> tuple[Array, ...]:
-            left = raw[rows] - (jacobian[rows] * root[rows, None]) @ absorbed
-            return left.T @ left, left.T @ residual[rows]
-
-        own, slope = summed_over_rows(beside_them, len(raw), threads=threads)
-        self.own = absorbed.T @ (curvature[:, None] * absorbed) + own
-        self.slope = absorbed.T @ prior_slope - slope
-
-    def score(self, variant: Variant, places: Sequence[int]) -> Score:
-        """The score of a variant whose amounts stand at these places."""
-        at = np.array(places)
-        own, b = self.own[np.ix_(at, at)], self.slope[at]
-        one_sided = np.array([one.one_sided for one in variant.amounts])
-        guess, best = np.zeros(at.size), 0.0
-        for weak in (2.0, 0.02):  # near nothing, and far out, where the prior is all but flat
-            a = _held(own + weak * np.eye(at.size), b, one_sided)
-            made = float(b @ a - a @ own @ a / 2 - np.log1p(a**2).sum())
-            guess, best = (a, made) if made > best else (guess, best)
-        gain = best + CAUCHY * at.size - float(np.linalg.slogdet(own + 2 * np.eye(at.size))[1]) / 2
-        return Score(variant, gain, guess, self.still + self.moved[:, at] @ guess, own)
-
-
-def _held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
-    """The best point with one-sided numbers at least 0, by leaving out those below."""
-    kept = np.ones(b.size, dtype=bool)
-    guess = np.zeros(b.size)
-    for _ in range(b.size + 1):  # one may be left out each time, and the rest is to be solved for after the last
-        guess = np.zeros(b.size)
-        if not kept.any():
-            return guess
-        own = g[np.ix_(kept, kept)]
-        guess[kept] = np.linalg.solve(own + ROUNDING * np.diag(np.diag(own)), b[kept])
-        bad = one_sided & (guess < 0)
-        if not bad.any():
-            break
-        kept &= ~bad
-    return guess
-
-
 @dataclass(frozen=True, eq=False)
 class AmountColumns:
-    """Columns (n_number, n_amount) of amounts at a fit, weighted as there, and where each amount stands. They do for
-    the scores of another fit of the same stretches that leaves noise alone: an effect of some per cent changes them by
-    as much."""
+    """Columns (n_number, n_amount) of amounts at a fit, weighted as there, less what the unknowns there make up for,
+    with how far the nuisances (n_nuisance, n_amount) move for that; and where each amount stands.
+
+    They do for the scores of another fit of the same stretches: an effect of some per cent changes what is an amount's
+    own by as much. As they are simulated they would not: of a flexure's relaxation the stiffness makes up for all but a
+    thousandth, and what is its own at one fit is lost in what another spring makes of the rest at the next.
+    """
 
     places: Mapping[Amount, int]
     weighted: Slopes
+    moved: Array
     root: Array
     begins: tuple[bytes, ...]
 
     def without(self, others: "AmountColumns") -> "AmountColumns":
         """Those of amounts that others have not."""
         own = [amount for amount in self.places if amount not in others.places]
-        weighted = self.weighted[:, [self.places[amount] for amount in own]]
-        return replace(self, places={amount: n for n, amount in enumerate(own)}, weighted=weighted)
+        at = [self.places[amount] for amount in own]
+        places = {amount: n for n, amount in enumerate(own)}
+        return replace(self, places=places, weighted=self.weighted[:, at], moved=self.moved[:, at])
 
     def suit(self, found: Fit) -> bool:
         """Whether they are of the numbers of another fit."""
         return self.begins == found.likelihood.begins and self.root.size == found.residual.size
 
-    def of(self, found: Fit, amounts: Sequence[Amount]) -> Slopes:
-        """The columns of amounts, not weighted; those of which there are none are simulated at the fit."""
+    def of(self, found: Fit, amounts: Sequence[Amount]) -> tuple[Slopes, Array]:
+        """The columns of amounts, not weighted, and how far the unknowns of a fit (n_unknown, n_amount) move already
+        with each; those of which there are none are simulated at the fit."""
         new = [n for n, amount in enumerate(amounts) if amount not in self.places]
         simulated = signatures(found, [amounts[n] for n in new]) if new else None
         raw: Slopes = np.empty((len(amounts), found.residual.size), dtype=np.float32).T  # by columns, as simulated ones
+        moved = np.zeros((found.unknowns.size, len(amounts)))
 
         def put(n: int) -> None:
             np.divide(self.weighted[:, self.places[amounts[n]]], self.root, out=raw[:, n], casting="same_kind")
+            moved[: len(self.moved), n] = self.moved[:, self.places[amounts[n]]]
 
         # one after the other: together they are as large as all Jacobians
         in_threads(put, [n for n, one in enumerate(amounts) if one in self.places], found.likelihood.threads)
         if simulated is not None:
             raw[:, new] = simulated
-        return raw
+        return raw, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +101,13 @@ class ScoredVariants:
     null: NullDistribution = field(default_factory=NullDistribution)
     dropped: tuple[str, ...] = ()
     columns: AmountColumns | None = None
+
+
+def score_of(background: Background, variant: Variant, places: Sequence[int]) -> Score:
+    """The score of a variant whose amounts stand at these places."""
+    best = background.best(places, np.array([one.one_sided for one in variant.amounts], dtype=bool))
+    own = background.own[np.ix_(places, places)]
+    return Score(variant, best.gain, best.amounts, best.shift, own)
 
 
 def scores(found: Fit, tried: Sequence[Variant]) -> list[Score]:
@@ -182,11 +128,11 @@ def scored(
     if not tried:
         return ScoredVariants()
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
-    raw = signatures(found, amounts) if near is None or not near.suit(found) else near.of(found, amounts)
+    raw, moved = (signatures(found, amounts), None) if near is None or not near.suit(found) else near.of(found, amounts)
     seen = seen_columns(raw)
     failed = np.array([not (shown or np.isfinite(raw[:, n]).all()) for n, shown in enumerate(seen)], dtype=bool)
     raw[:, ~seen] = 0.0
-    background = Background(found, raw)
+    background = Background(found, raw, moved)
     place = {amount: n for n, amount in enumerate(amounts)}
     made, amount_places = [], []
     followed = set()
@@ -195,13 +141,14 @@ def scored(
         if not failed[places].any():
             followed.add(variant.effect)
         if seen[places].all():
-            score = background.score(variant, places)
+            score = score_of(background, variant, places)
             made.append(replace(score, signature=background.c[:, places]) if with_columns else score)
             one_sided = tuple(one.one_sided for one in variant.amounts)
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
     dropped = dict.fromkeys(variant.effect for variant in tried if variant.effect not in followed)
-    columns = AmountColumns(place, background.c, found.weights.root, found.likelihood.begins)
+    along = background.along[: found.unknowns.n_nuisance]
+    columns = AmountColumns(place, background.beside(), along, found.weights.root, found.likelihood.begins)
     return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, tuple(dropped), columns)
 
 

@@ -34,6 +34,8 @@ VARIANTS = 2  # of an effect that are refitted
 STANDS_OUT = 5.0
 """Nats of its neighbours on the grid of a shape, by which a score is a peak of its own."""
 FINITE = (0.03, 0.1, 0.3, 1.0)  # of z: sizes in which an amount that may act beyond a threshold is tried
+AS_IT_IS = 0.25
+"""Share of the best score that an amount of some size has to bring, with all else as it is, to be tried."""
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
 NEAR_END = 10.0  # nats that a fit without effects is from its end, where its columns are those of the end
@@ -146,9 +148,9 @@ def _of_effects(effects: Collection[str], tried: Sequence[Variant]) -> list[Vari
 
 
 def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:
-    """Of effects that are chosen the variants with an amount that the chosen ones lack, with which as it is, in one of
-    some sizes, the record is likelier than the best linear score promises: the slope at nothing says little of what
-    acts beyond a threshold, as a slew limit does. Such amounts are one-sided. Those that are measured in sampling
+    """Of effects that are chosen the variants with an amount that the chosen ones lack, which as it is, in one of some
+    sizes, brings a good part of what the best linear score promises (`AS_IT_IS`): the slope at nothing says little of
+    what acts beyond a threshold, as a slew limit does. Such amounts are one-sided. Those that are measured in sampling
     periods, lags and delays, are tried in the largest size whatever is chosen, where their slope points the other way:
     what follows within a sample shows nothing of a lag that is well below a period."""
     effects = {score.variant.effect for score in chosen}
@@ -178,7 +180,7 @@ def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]
     for score, costs in zip(lacking, every_cost, strict=True):
         [amount] = score.variant.amounts
         gain, size = float(base.objective - costs.min()), sizes_of(score)[int(np.argmin(costs))]
-        if gain > every[0].gain:
+        if gain > AS_IT_IS * every[0].gain:
             for one in (*_forms_of(every, score), *_fullest(every, score)):
                 guess = np.array([size if own.place == amount.place else 0.0 for own in one.variant.amounts])
                 found.append(replace(one, gain=gain, guess=guess, shift=np.zeros_like(one.shift)))

@@ -20,7 +20,7 @@ from msl_fem.diagnosis.estimates import effects_present
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, without_those_of
 from msl_fem.diagnosis.likelihood import Columns, Fit, Likelihood, over_chance
 from msl_fem.diagnosis.measured_map import DENSITY, FLUX, FORCE, MeasuredMap, is_stated, measured_map, path_of
-from msl_fem.diagnosis.noise import NoiseBands, NoiseWeights
+from msl_fem.diagnosis.noise import NoiseBands
 from msl_fem.diagnosis.problem import FitProblem, Points, Starts
 from msl_fem.diagnosis.table_error import corrected, table_error
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -277,10 +277,17 @@ class JointLikelihood(Likelihood):
 
     def runs_part(self, found: Fit) -> tuple[Likelihood, Fit]:
         """The runs alone, and a fit as they see it."""
-        n = self._of_runs
+        n, labels = self._of_runs, slice(int(self._labels_of_runs.max()) + 1)
         whole = found.weights
         share = None if whole.wander is None else whole.wander[:n]
-        weights = NoiseWeights(whole.density, whole.root[:n], whole.nats, share)
+        weights = replace(
+            whole,
+            density=whole.density[labels],
+            root=whole.root[:n],
+            count=whole.count[labels],
+            limits=whole.limits[labels],
+            wander=share,
+        )
         columns = Columns(found.jacobian[:n], normal_equations(found.jacobian[:n], weights.root)[0])
         alone = replace(found, residual=found.residual[:n], columns=columns, weights=weights)
         return Likelihood(self.problem, self.bands, self.substeps), alone

@@ -13,8 +13,8 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.likelihood import Fit, Likelihood
-from msl_fem.diagnosis.noise import in_time, transformed
 from msl_fem.diagnosis.problem import FitProblem
+from msl_fem.diagnosis.residual_spectrum import loud_lines, resonances, spectra_of_rest
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.plant.effects import CATALOGUE, LAGGING, Parameter
 from msl_fem.plant.own_scales import over_reference, own_quantities
@@ -22,13 +22,8 @@ from msl_fem.plant.plant import FORCE_DRIVE, PlantParameters, drive_lags, own_st
 from msl_fem.prediction import RunData
 from msl_fem.prediction.run_data import POSITION_COLUMN
 
-MOST_LINES = 3  # of a residual's spectrum that are tried as frequencies of a disturbance
 MAINS = (50.0, 60.0)
-LOUD = 12.0  # times the mean power of the lines around: what noise does once in e^12 lines
-APART = 4  # lines between two that are taken
-FEWEST_LINES = 62  # of a run: two widths of the mean around
 LEAST = 1e-9  # m or m/s, of a mover that stands still
-SLOWEST = 3  # periods of a run below which a line is a drift
 SMOOTH_SECONDS = 0.5e-3  # over which a velocity is taken, at least three samples
 SMOOTH = 20  # samples over which a velocity is taken
 
@@ -65,6 +60,7 @@ class RecordFeatures:
     position, current, velocity : RMS of what varies, m, A, m/s
     own_frequency : Hz, of the mover on its spring, or where its spectrum is highest
     lines : Hz, the highest lines of the residual
+    resonances : Hz, the peaks of its spectrum that are no lines
     rate : samples a second, Hz; None without runs
     command : RMS of what drives the runs, its mean in it, A, V or N
     peak : highest current, that of a map beside the runs included, A
@@ -76,6 +72,7 @@ class RecordFeatures:
     velocity: float
     own_frequency: float
     lines: tuple[float, ...] = ()
+    resonances: tuple[float, ...] = ()
     rate: float | None = None
     command: float = 1.0
     peak: float = 1.0
@@ -139,16 +136,17 @@ def _there(effect: str, names: Sequence[str], plant: PlantParameters) -> bool:
 def _centres(shape: Parameter, features: RecordFeatures) -> tuple[float, ...]:
     """The values of a shape at which a search starts."""
     if shape.over == "lines":
-        return tuple(dict.fromkeys((*MAINS, *features.lines[:MOST_LINES])))
+        return tuple(dict.fromkeys((*MAINS, *features.lines)))
     unit = float(getattr(features, shape.over)) if shape.over else 1.0
-    return tuple(unit * factor for factor in shape.tried)
+    return (*(unit * factor for factor in shape.tried), *(features.resonances if shape.resonant else ()))
 
 
 def record_features(likelihood: Likelihood, found: Fit) -> RecordFeatures:
     """The features of a record at a fit without what is looked for."""
     runs = features_of_runs(likelihood.problem)
     peak = max(runs.peak, likelihood.highest_at_rest)
-    return replace(runs, lines=loud_lines(likelihood, found), peak=peak)
+    spectra = spectra_of_rest(likelihood, found)
+    return replace(runs, lines=loud_lines(spectra), resonances=resonances(spectra), peak=peak)
 
 
 def features_of_runs(problem: FitProblem) -> RecordFeatures:
@@ -178,49 +176,6 @@ def _rms(values: Sequence[Array]) -> float:
 def _velocity(run: RunData) -> Array:
     smooth = np.convolve(run.measured[POSITION_COLUMN], np.ones(SMOOTH) / SMOOTH, "valid")
     return (smooth[SMOOTH:] - smooth[:-SMOOTH]) * run.rate / SMOOTH
-
-
-def loud_lines(likelihood: Likelihood, found: Fit) -> tuple[float, ...]:
-    """Frequencies in Hz at which single lines of the weighted residual of a run stand out, the loudest first; what is
-    left over stretches is joined, since a line is one of the whole run."""
-    candidates = []
-    for rate, signal in _joined(likelihood, found.residual * found.weights.root):
-        n = signal.size // 2 + 1
-        if n < FEWEST_LINES:
-            continue
-        lines, spacing = transformed(signal, n), rate / signal.size
-        power = lines[:n] ** 2 + lines[n:] ** 2
-        around = np.convolve(power, np.ones(31) / 31, "same")
-        loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
-        loud = loud[loud >= SLOWEST]
-        candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud]
-    frequencies: list[float] = []
-    for _, frequency, spacing in sorted(candidates, reverse=True):
-        if all(abs(frequency - other) > APART * spacing for other in frequencies):
-            frequencies.append(frequency)
-    return tuple(frequencies[:MOST_LINES])
-
-
-def _joined(likelihood: Likelihood, weighted: Array) -> list[tuple[float, Array]]:
-    """(samples a second, (n_sample,) what is left in time) of each channel of each run, nothing where none counts."""
-    problem, at = likelihood.problem, 0
-    found: dict[tuple[int, str], Array] = {}
-    for lines, (run, part) in zip(likelihood.bands.lines, problem.pieces, strict=True):
-        for name in problem.channels(run):
-            signal = found.setdefault((run, name), np.zeros(len(problem.runs[run].commands)))
-            signal[part] = in_time(weighted[at : at + 2 * lines], part.stop - part.start)
-            at += 2 * lines
-    return [(problem.runs[run].rate, signal) for (run, _), signal in found.items()]
-
-
-def _peak(power: Array, k: int) -> float:
-    """The place of a peak between its lines, by the amplitudes of its neighbours (Jacobsen, Kootsookos, 2007, for no
-    window)."""
-    if not 0 < k < power.size - 1:
-        return float(k)
-    low, top, high = np.sqrt(power[k - 1 : k + 2])
-    side = 1.0 if high > low else -1.0
-    return float(k + side * max(high, low) / (top + max(high, low)))
 
 
 def variables_of(run: RunData) -> dict[str, Array]:

@@ -7,7 +7,7 @@ density times the root of what the residual asks of it over what it has, and non
 Bertin, Durrieu, Neural Computation 21, 2009, 793-830). Noise alone is never that loud at low frequencies (`noise`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ def with_wander(
     every, root, share = plain.density.copy(), plain.root.copy(), np.zeros(residual.size)
     every[own], root[lines.places], share[lines.places] = density, 1 / np.sqrt(whole), slow / whole
     gain = _nats(before[band], before, squares, counts) - _nats(whole, density, squares, counts)
-    return NoiseWeights(every, root, plain.nats - gain + COST, share)
+    return replace(plain, density=every, root=root, nats=plain.nats - gain + COST, wander=share)
 
 
 def _densities(

@@ -37,6 +37,7 @@ class CutRecord:
     visited: list[np.ndarray] = field(default_factory=list)
     followed_at: list[np.ndarray] = field(default_factory=list)
     is_cut, begins, threads, threads_here = True, (), 1, 1
+    labels = np.zeros(400, dtype=np.intp)
 
     def spectra(self, points: Points) -> np.ndarray:
         self.visited.extend(points.rows)
@@ -48,7 +49,7 @@ class CutRecord:
         return self.spectra(points), (), 0.0
 
     def weights(self, residual: np.ndarray, unknowns: Unknowns):
-        return weights_of(residual, np.zeros(400, dtype=np.intp), np.array([100.0]))
+        return weights_of(residual, self.labels, np.array([100.0]))
 
     def nats_of_noise(self, unknowns: Unknowns, z: np.ndarray) -> float:
         return 0.0

@@ -6,8 +6,9 @@ from linear_record import OFFSET, LinearRecord, record
 from scipy.optimize import nnls
 
 from msl_fem.diagnosis.fit import fit
+from msl_fem.diagnosis.linear_model import held
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
-from msl_fem.diagnosis.scores import _held, scored
+from msl_fem.diagnosis.scores import scored
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
 
@@ -76,9 +77,9 @@ def test_a_one_sided_amount_that_would_be_negative_is_nothing_at_all() -> None:
         for _ in range(50):
             mixed, b = chance.standard_normal((size, size)), chance.standard_normal(size)
             g = mixed @ mixed.T + np.eye(size)
-            held = _held(g, b, np.ones(size, dtype=bool))
-            assert (held >= 0).all()
+            found = held(g, b, np.ones(size, dtype=bool))
+            assert (found >= 0).all()
             if size == 1:
                 root = np.linalg.cholesky(g).T
-                assert held == pytest.approx(nnls(root, np.linalg.solve(root.T, b))[0], abs=1e-9)
-            assert _held(g, b, np.zeros(size, dtype=bool)) == pytest.approx(np.linalg.solve(g, b), rel=1e-6)
+                assert found == pytest.approx(nnls(root, np.linalg.solve(root.T, b))[0], abs=1e-9)
+            assert held(g, b, np.zeros(size, dtype=bool)) == pytest.approx(np.linalg.solve(g, b), rel=1e-6)

@@ -73,7 +73,8 @@ def log_density(kind: Runs, found: Fit) -> float:
 
 def white(likelihood: Likelihood, residual: Array) -> NoiseWeights:
     """Noise that is what its statement says."""
-    return NoiseWeights(np.ones(likelihood.spent.size), np.ones(residual.size), float(residual @ residual) / 2)
+    ones = np.ones(likelihood.spent.size)
+    return NoiseWeights(ones, np.ones(residual.size), float(residual @ residual) / 2, ones, ones)
 
 
 def test_it_is_the_normal_density_s_with_what_the_fit_leaves_uncertain(monkeypatch: pytest.MonkeyPatch) -> None:

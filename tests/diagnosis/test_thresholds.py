@@ -61,7 +61,7 @@ def base(depth: float) -> Any:
     return SimpleNamespace(unknowns=unknowns, z=np.zeros(2), objective=1e4, likelihood=Slewing(depth))
 
 
-def test_an_amount_that_its_effect_s_candidates_lack_is_one_where_its_size_brings_more_than_any_score() -> None:
+def test_an_amount_that_its_effect_s_candidates_lack_is_one_where_its_size_brings_a_good_part_of_any_score() -> None:
     found = beyond_thresholds(base(5000.0), EVERY, [DETUNED_DRIVE])
     assert [one.variant for one in found] == [SLEWING.variant, BOTH.variant], "friction's effect is not chosen"
     assert [one.guess.tolist() for one in found] == [[FINITE[2]], [0.0, FINITE[2]]]
@@ -69,8 +69,8 @@ def test_an_amount_that_its_effect_s_candidates_lack_is_one_where_its_size_bring
     assert not np.any([one.shift for one in found])
 
 
-def test_none_is_where_a_linear_score_promises_more_or_candidates_have_it() -> None:
-    assert beyond_thresholds(base(600.0), EVERY, [DETUNED_DRIVE]) == []
+def test_none_is_where_a_linear_score_promises_four_times_as_much_or_candidates_have_it() -> None:
+    assert beyond_thresholds(base(170.0), EVERY, [DETUNED_DRIVE]) == []
     assert beyond_thresholds(base(5000.0), EVERY, [DETUNED_DRIVE, BOTH]) == []
 
 

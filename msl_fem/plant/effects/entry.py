@@ -101,6 +101,7 @@ class Parameter:
         position, velocity, current or command, the highest current, the mover's own frequency, the
         lines of the residual's spectrum), in SI over ""; over "loops" it is searched for in measured loops alone and
         elsewhere has its neutral value
+    resonant : of a shape, whether it is tried at the peaks of a residual's spectrum as well
     width : of a shape, one sigma of its logarithm about a value that is tried
     instead : of a shape, those in whose place it is tried: two forms of one effect
     optional : of a shape, whether it is tried and left at its neutral value: two forms as well
@@ -123,6 +124,7 @@ class Parameter:
     shape: bool = False
     tried: tuple[float, ...] = ()
     over: Scale = ""
+    resonant: bool = False
     width: float = 1.0
     instead: tuple[str, ...] = ()
     optional: bool = False

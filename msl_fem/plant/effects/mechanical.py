@@ -305,6 +305,7 @@ MECHANICAL = (
                 shape=True,
                 tried=tuple(1.6 * 1.18**n for n in range(17)),
                 over="own_frequency",
+                resonant=True,
                 width=0.15,
             ),
             Parameter("damping_ratio", "", 0.01, (0.0, 1.0), 0.01, "zeta", shape=True, tried=(0.015,)),

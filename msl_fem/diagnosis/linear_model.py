@@ -1,0 +1,216 @@
+"""The linear model around a fit: what amounts would bring there, the densities of the noise estimated anew with them.
+
+With the weighted residual r, the columns J of what is unknown at a fit and C of further amounts a, the likelihood over
+the amounts is that of a linear model with
+
+    G = C'C - C'J (J'J + I)^-1 J'C,   b = -C'r + C'J (J'J + I)^-1 (J'r + z)
+      = R'R + X'X,                      = -R'r + X'z,   X = (J'J + I)^-1 J'C,   R = C - J X.
+
+The second form loses no digits where what is unknown makes up for almost all of C. With Cauchy's prior the log evidence
+grows by b'a - a'Ga/2 - sum log(1 + a^2) - log det(G + 2)/2 at the best a, if the noise stays what it is without the
+amounts. It does not: what a missing cause leaves passes for noise of a colour, and of n numbers of a band that are all
+its doing a linear model of fixed weights promises n/2 nats at most, where a fit brings n/2 times the log of what the
+densities fall by. So the best a are found with the densities that belong to them, by reweighting (Green, J. R. Stat.
+Soc. B 46, 1984, 149-192), from the products of all columns band by band. With one band and no colour both are the same
+to second order. Where a zero wanders, densities stay those of the fit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.gauss_newton import ROWS_AT_ONCE, normal_equations, summed_over_rows
+from msl_fem.computing.threads import in_threads
+from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.noise import NoiseWeights
+from msl_fem.diagnosis.unknowns import CAUCHY
+
+ROUNDING = 1e-12  # of a diagonal: amounts that act alike
+REWEIGHTED = 12
+"""How often the noise's densities are estimated anew at most."""
+ENOUGH = 0.05  # nats: less from another time is none
+HALVED = 5  # times that a step which leads up is halved at most
+NEAR, FAR = 2.0, 0.02
+"""Curvatures of the prior near nothing, and far out, where it is all but flat."""
+
+
+@dataclass(frozen=True, eq=False)
+class BestAmounts:
+    """The best point of some amounts: the nats of log evidence, the amounts, and by how much all that was unknown
+    before moves."""
+
+    gain: float
+    amounts: Array
+    shift: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Valley:
+    """What is minimised over u = (y, a): of the products (n_label, n, n) of columns and residual, band by band, the
+    nats of data and priors. All that was unknown before moves by y + `along` a, under a prior of this slope and
+    curvature there."""
+
+    products: Array
+    along: Array
+    slope: Array
+    curvature: Array
+    noise: NoiseWeights
+
+    @property
+    def n_before(self) -> int:
+        return len(self.along)
+
+    def nats(self, u: Array) -> tuple[float, Array]:
+        """(the nats at u, the densities there over those of the fit)"""
+        whole = np.append(u, 1.0)
+        data, density = self.noise.again(np.einsum("i,lij,j->l", whole, self.products, whole, optimize=True))
+        move, amounts = self.moved(u), u[self.n_before :]
+        before = float(self.slope @ move + move @ (self.curvature * move) / 2)
+        return data + before + float(np.log1p(amounts**2).sum()), density
+
+    def moved(self, u: Array) -> Array:
+        """How far all that was unknown before moves."""
+        return u[: self.n_before] + self.along @ u[self.n_before :]
+
+    def first_steps(
+        self, density: Array, n_amount: int, one_sided: NDArray[np.bool_]
+    ) -> list[tuple[Array, Array, Array]]:
+        """Ends of first steps (`step`), with these densities and with white ones, whatever the amounts' prior."""
+        white = np.minimum(1.0 / self.noise.density, density)
+        weak = (NEAR, FAR) if n_amount else (NEAR,)
+        return [self.step(one, np.full(n_amount, way), one_sided) for one in (density, white) for way in weak]
+
+    def step(self, density: Array, weak: Array, one_sided: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """(the best point with these densities and curvatures of the amounts' prior, the matrix of what was unknown
+        before, that of the amounts when it is free)"""
+        n, k = self.n_before, weak.size
+        matrix = np.tensordot(1.0 / density, self.products, axes=1)
+        slope, matrix = matrix[:-1, -1], matrix[:-1, :-1]
+        ways = np.hstack([np.eye(n), self.along])
+        matrix = matrix + ways.T @ (self.curvature[:, None] * ways)
+        slope = slope + ways.T @ self.slope
+        before = np.linalg.solve(matrix[:n, :n], np.column_stack([slope[:n], matrix[:n, n:]]))
+        still, absorbed = before[:, 0], before[:, 1:]
+        own = matrix[n:, n:] - matrix[n:, :n] @ absorbed
+        amounts = held(own + np.diag(weak), matrix[n:, :n] @ still - slope[n:], one_sided) if k else np.zeros(0)
+        return np.concatenate([-still - absorbed @ amounts, amounts]), matrix[:n, :n], own
+
+
+class Background:
+    """What is unknown at a fit, and the columns of many amounts, multiplied with one another once, band by band."""
+
+    def __init__(self, found: Fit, raw: Slopes, moved: Array | None = None) -> None:
+        """`raw` are columns (n_number, n_amount) of the residual, not weighted; they are weighted in place. With each
+        amount the unknowns move already by `moved` (n_unknown, n_amount)."""
+        root, jacobian = found.weights.root, found.jacobian
+        raw *= root[:, None]
+        self.c, self.found = raw, found
+        residual = found.residual * root
+        _, prior_slope, curvature = found.unknowns.prior(found.z)
+        threads = found.likelihood.threads
+        gram, _ = normal_equations(jacobian, root, threads=threads)
+
+        def with_unknowns(rows: slice) -> tuple[Array, ...]:
+            return ((jacobian[rows] * root[rows, None]).T @ raw[rows].astype(np.float64),)
+
+        [between] = summed_over_rows(with_unknowns, len(raw), threads=threads)
+        moved = np.zeros_like(between) if moved is None else moved
+        absorbed = np.linalg.solve(gram + np.diag(curvature), between + curvature[:, None] * moved)
+
+        def beside_them(rows: NDArray[np.intp]) -> Array:
+            weighted = jacobian.T[:, rows] * root[rows]
+            left = raw.T[:, rows] - absorbed.T @ weighted
+            whole = np.vstack([weighted, left, residual[rows]])
+            return np.asarray(whole @ whole.T)
+
+        places = _rows_of_labels(found.likelihood.labels)
+        sums = in_threads(lambda parts: sum(map(beside_them, parts[1:]), beside_them(parts[0])), places, threads)
+        self.products = np.array(sums)
+        self.slope, self.curvature, self.noise = prior_slope, curvature, found.weights
+        self.absorbed, self.along = absorbed, moved - absorbed
+        n = len(absorbed)
+        of_amounts = self.products[:, n:-1, n:-1].sum(axis=0)
+        self.own = self.along.T @ (curvature[:, None] * self.along) + of_amounts
+        self.without = self._best((), np.zeros(0, dtype=bool))
+
+    def beside(self) -> Slopes:
+        """The weighted columns less what the unknowns make up for; they take the place of the columns."""
+        root, jacobian = self.found.weights.root, self.found.jacobian
+
+        def put(begin: int) -> None:
+            rows = slice(begin, begin + ROWS_AT_ONCE)
+            self.c[rows] -= (jacobian[rows] * root[rows, None]) @ self.absorbed
+
+        in_threads(put, range(0, len(self.c), ROWS_AT_ONCE), self.found.likelihood.threads)
+        return self.c
+
+    def best(self, places: Sequence[int], one_sided: NDArray[np.bool_]) -> BestAmounts:
+        """The best point of the amounts that stand at these places."""
+        end, at, before, own = self._best(places, one_sided)
+        base, _, base_before, _ = self.without
+        n = len(self.along)
+        occam = np.linalg.slogdet(own + NEAR * np.eye(len(places)))[1] + _log_ratio(before, base_before)
+        gain = base - end + CAUCHY * len(places) - float(occam) / 2
+        return BestAmounts(gain, at[n:], at[:n] + self.along[:, list(places)] @ at[n:])
+
+    def _best(self, places: Sequence[int], one_sided: NDArray[np.bool_]) -> tuple[float, Array, Array, Array]:
+        """(nats, where, and the two matrices there of `_Valley.step`)"""
+        n = len(self.along)
+        rows = np.array([*range(n), *(n + place for place in places), self.products.shape[1] - 1])
+        products: Array = self.products[:, rows[:, None], rows]
+        valley = _Valley(products, self.along[:, list(places)], self.slope, self.curvature, self.noise)
+        at = np.zeros(n + len(places)) if not places else np.concatenate([self.without[1], np.zeros(len(places))])
+        nats, density = valley.nats(at)
+        steps = valley.first_steps(density, len(places), one_sided)
+        for _ in range(REWEIGHTED):
+            ends = [_down(valley, at, nats, end) for end, *_ in steps]
+            best = min(range(len(steps)), key=lambda n: ends[n][0])
+            matrices = steps[best][1:]
+            gained, (nats, density, at) = nats - ends[best][0], ends[best]
+            if gained < ENOUGH:
+                break
+            steps = [valley.step(density, 2.0 / (1.0 + at[n:] ** 2), one_sided)]
+        return nats, at, *matrices
+
+
+def _down(valley: _Valley, at: Array, nats: float, end: Array) -> tuple[float, Array, Array]:
+    """(nats, densities, where) on the way from a point to another: its end, or where it leads down; else here."""
+    for _ in range(HALVED):
+        there, density = valley.nats(end)
+        if there < nats:
+            return there, density, end
+        end = (at + end) / 2
+    return nats, valley.nats(at)[1], at
+
+
+def _log_ratio(one: Array, other: Array) -> float:
+    """Of the determinants of two matrices."""
+    return float(np.linalg.slogdet(one)[1] - np.linalg.slogdet(other)[1]) if one.size else 0.0
+
+
+def _rows_of_labels(labels: NDArray[np.intp]) -> list[list[NDArray[np.intp]]]:
+    """Of each label the rows of its numbers, some at a time."""
+    order = np.argsort(labels, kind="stable")
+    ends = np.searchsorted(labels[order], np.arange(int(labels.max()) + 1), side="right")
+    every = np.split(order, ends[:-1])
+    return [np.array_split(rows, max(1, -(-rows.size // ROWS_AT_ONCE))) for rows in every]
+
+
+def held(g: Array, b: Array, one_sided: NDArray[np.bool_]) -> Array:
+    """The best point with one-sided numbers at least 0, by leaving out those below."""
+    kept = np.ones(b.size, dtype=bool)
+    guess = np.zeros(b.size)
+    for _ in range(b.size + 1):  # one may be left out each time, and the rest is to be solved for after the last
+        guess = np.zeros(b.size)
+        if not kept.any():
+            return guess
+        own = g[np.ix_(kept, kept)]
+        guess[kept] = np.linalg.solve(own + ROUNDING * np.diag(np.diag(own)), b[kept])
+        bad = one_sided & (guess < 0)
+        if not bad.any():
+            break
+        kept &= ~bad
+    return guess
