@@ -51,17 +51,23 @@ def _there(found: Fit, likelihood: Likelihood, numbers: NDArray[np.bool_]) -> Fi
     return fit_there(likelihood, found.unknowns, found.z, found.jacobian.T[:, numbers].T)
 
 
-def _over_first_part(base: Fit) -> Fit | None:
-    """A fit led to its end over the first part of a long record; None where that is not worth it."""
-    whole = base.likelihood
-    if not (whole.is_cut and whole.is_long) or max(base.excess.values()) <= QUIET:
+def in_first_part(found: Fit) -> Fit | None:
+    """A fit over the first part of a long record, where it is; None where that does not tell causes apart."""
+    whole = found.likelihood
+    if not (whole.is_cut and whole.is_long) or max(found.excess.values()) <= QUIET:
         return None
     likelihood, numbers = whole.first_part()
-    if base.objective - base.nats_of_noise < PLENTY * base.residual.size / np.count_nonzero(numbers):
+    if found.objective - found.nats_of_noise < PLENTY * found.residual.size / np.count_nonzero(numbers):
         return None
-    there = _there(base, likelihood, numbers)
+    return _there(found, likelihood, numbers)
+
+
+def _over_first_part(base: Fit) -> Fit | None:
+    """A fit led to its end over the first part of a long record; None where that is not worth it."""
+    there = in_first_part(base)
+    if there is None:
+        return None
     if base.sane is not None:  # over its own stretches: from where those of a lost model begin it may not get anywhere
         return replace(there, sane=_there(base.sane, *base.sane.likelihood.first_part()))
-    return fit(
-        likelihood, base.unknowns, base.z, plan=FitPlan(LAST_STEPS, enough=ROUGH), goes_on=there, takes_columns=True
-    )
+    plan = FitPlan(LAST_STEPS, enough=ROUGH)
+    return fit(there.likelihood, base.unknowns, base.z, plan=plan, goes_on=there, takes_columns=True)

@@ -14,10 +14,11 @@ from functools import partial
 import numpy as np
 
 from msl_fem.computing.laws import LawExpression
-from msl_fem.diagnosis.decision import BY_CHANCE, completes, excess_power, white
+from msl_fem.diagnosis.decision import BY_CHANCE, FINISHED, completes, excess_power, white
+from msl_fem.diagnosis.first_part import in_first_part
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula_terms import law_sizes, library
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.refinement import Refinement
@@ -108,22 +109,26 @@ def _best_term(
 
 
 def _scored(base: Fit, laws: Sequence[LawExpression]) -> tuple[list[Score], NullDistribution]:
-    """All terms at a fit, best first, and what any of them brings by chance. The kernel has room for some at a time."""
+    """All terms at a fit, best first, and what any of them brings by chance, of a long record as its first part tells.
+    The kernel has room for some at a time."""
     scores, columns = [], []
     features = record_features(base.likelihood, base)
+    there = in_first_part(base) or base
+    times = base.residual.size / there.residual.size
     plant = base.likelihood.problem.plant.parameters
     for batch in _batches(laws):
         with declared(*batch):
             tried = [variant for law in batch for variant in variants(law.effect, features, plant)]
-            raw = signatures(base, [(variant.amounts[0], variant.shapes) for variant in tried])
+            raw = signatures(there, [(variant.amounts[0], variant.shapes) for variant in tried])
             seen = np.flatnonzero(seen_columns(raw))
-            background = Background(base, raw[:, seen])
-            scores += [score_of(background, tried[k], (place,)) for place, k in enumerate(seen)]
+            background = Background(there, raw[:, seen])
+            own = (score_of(background, tried[k], (place,)) for place, k in enumerate(seen))
+            scores += [replace(score, gain=times * score.gain) for score in own]
             columns.append(raw[:, seen])
     if not scores:
         return [], NullDistribution()
-    own = Background(base, np.concatenate(columns, axis=1)).own
-    null = null_distribution(own, [AmountPlaces((n,), (False,)) for n in range(len(own))])
+    of_all = Background(there, np.concatenate(columns, axis=1)).own
+    null = null_distribution(of_all, [AmountPlaces((n,), (False,)) for n in range(len(of_all))])
     return sorted(scores, key=lambda score: -score.gain), null
 
 
@@ -168,13 +173,13 @@ def _worth(before: Fit, step: _Step, taken: Sequence[LawExpression]) -> bool:
 
 def _hopeless(before: Fit, taken: Sequence[LawExpression], least: float, refit: Refit) -> bool:
     """Whether a term is not worth its end: it comes to fewer nats than it has to bring, or to a smaller share of what
-    is in excess of the noise than a first one has to take, also where that grows as its nats may."""
+    is in excess of the noise than it has to take, also where that grows as its nats may."""
     if refit.reach < least:
         return True
-    if taken:
-        return False
-    share = 1 - excess_power(refit.fit.excess) / max(excess_power(before.excess), 1e-300)
-    return share * refit.reach / max(refit.gain, 1e-300) < EXPLAINED
+    power = max(excess_power(before.excess), 1e-300)
+    share = (1 - excess_power(refit.fit.excess) / power) * refit.reach / max(refit.gain, 1e-300)
+    noise = len(before.excess) * (QUIET**2 - 1) / power  # that may be left of it
+    return share < (1 - max(FINISHED, noise) if taken else EXPLAINED)
 
 
 def _with_term(base: Fit, found: ChosenTerms | None, step: _Step) -> ChosenTerms:

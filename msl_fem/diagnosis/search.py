@@ -31,6 +31,8 @@ LIKELY = 10
 """Effects that are best by columns of a stage before, and so are scored exactly: more than are refitted."""
 SHARE = 0.03  # of the best score: effects below are not refitted
 VARIANTS = 2  # of an effect that are refitted
+FORM = 0.25
+"""Share of the best score of an effect, above which another form of it is refitted too."""
 STANDS_OUT = 5.0
 """Nats of its neighbours on the grid of a shape, by which a score is a peak of its own."""
 FINITE = (0.03, 0.1, 0.3, 1.0)  # of z: sizes in which an amount that may act beyond a threshold is tried
@@ -259,7 +261,7 @@ def ranked(every: Sequence[Score]) -> list[Score]:
             continue
         if score.gain < SHARE * best and len(chosen) >= FEWEST_TRIED:
             continue
-        if of_effect and score.gain < 0.5 * of_effect[0].gain and not bent:
+        if of_effect and score.gain < FORM * of_effect[0].gain and not bent:
             continue
         chosen.setdefault(score.variant.effect, []).append(score)
         found.append(score)
@@ -277,7 +279,7 @@ def _bent(score: Score, chosen: Sequence[Score]) -> bool:
 def peaks(every: Sequence[Score], chosen: Sequence[Score]) -> list[Score]:
     """Of each effect that is chosen the further peak over the grid of a shape that stands out most: next to a resonance
     between two points of a grid the springs far below and above it score more, and lead nowhere."""
-    least = {score.variant.effect: 0.5 * score.gain for score in reversed(chosen)}
+    least = {score.variant.effect: FORM * score.gain for score in reversed(chosen)}
     families: dict[tuple[object, ...], list[Score]] = {}
     for score in every:
         if score.variant.effect in least and score.variant.shapes:

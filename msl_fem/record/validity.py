@@ -102,8 +102,9 @@ def bridged(values: Array, at: NDArray[np.intp]) -> Array:
     the last that stays, its own value."""
     if not at.size:
         return values
-    n = np.arange(values.shape[-1])
-    rest = np.setdiff1d(n, at)
+    stays = np.ones(values.shape[-1], dtype=bool)
+    stays[at] = False
+    rest = np.flatnonzero(stays)
     after = np.clip(np.searchsorted(rest, at), 1, rest.size - 1)
     left, right = rest[after - 1], rest[after]
     share = np.clip((at - left) / (right - left), 0.0, 1.0)
