@@ -75,14 +75,6 @@ class _Valley:
         """How far all that was unknown before moves."""
         return u[: self.n_before] + self.along @ u[self.n_before :]
 
-    def first_steps(
-        self, density: Array, n_amount: int, one_sided: NDArray[np.bool_]
-    ) -> list[tuple[Array, Array, Array]]:
-        """Ends of first steps (`step`), with these densities and with white ones, whatever the amounts' prior."""
-        white = np.minimum(1.0 / self.noise.density, density)
-        weak = (NEAR, FAR) if n_amount else (NEAR,)
-        return [self.step(one, np.full(n_amount, way), one_sided) for one in (density, white) for way in weak]
-
     def step(self, density: Array, weak: Array, one_sided: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
         """(the best point with these densities and curvatures of the amounts' prior, the matrix of what was unknown
         before, that of the amounts when it is free)"""
@@ -164,7 +156,8 @@ class Background:
         valley = _Valley(products, self.along[:, list(places)], self.slope, self.curvature, self.noise)
         at = np.zeros(n + len(places)) if not places else np.concatenate([self.without[1], np.zeros(len(places))])
         nats, density = valley.nats(at)
-        steps = valley.first_steps(density, len(places), one_sided)
+        weak = (NEAR, FAR) if places else (NEAR,)
+        steps = [valley.step(density, np.full(len(places), way), one_sided) for way in weak]
         for _ in range(REWEIGHTED):
             ends = [_down(valley, at, nats, end) for end, *_ in steps]
             best = min(range(len(steps)), key=lambda n: ends[n][0])

@@ -11,7 +11,8 @@ from conftest import ROOT
 from numpy.typing import NDArray
 
 from msl_fem.actuator import load_actuator
-from msl_fem.diagnosis import first_part, refinement, search
+from msl_fem.computing.laws import expression
+from msl_fem.diagnosis import first_part, formula_search, refinement, search
 from msl_fem.diagnosis.effect_search import without_effects
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
@@ -289,3 +290,18 @@ def test_what_begins_once_more_as_believed_is_led_over_the_part_before_the_whole
     assert by_part is not None
     assert by_part.fit.objective == pytest.approx(at_once.fit.objective, abs=1.0)
     assert whole.simulations < fits[2].simulations
+
+
+def test_terms_of_a_formula_are_scored_over_the_part_as_if_the_rest_were_like_it(base, long, monkeypatch) -> None:
+    rub = expression("rub", "force", "-a*tanh(v/w)", {"a": "0..1 N", "w": "0.1..10 mm/s"})
+    part, null = formula_search._scored(base, [rub])
+    assert null.gains.size
+    with monkeypatch.context() as short:
+        short.setattr(formula_search, "in_first_part", lambda found: None)
+        whole, _ = formula_search._scored(base, [rub])
+    assert part[0].gain == pytest.approx(whole[0].gain, rel=0.5)
+    asked: list[int] = []
+    monkeypatch.setattr(formula_search, "signatures", lambda found, amounts: asked.append(found.residual.size) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        formula_search._scored(base, [rub])
+    assert asked[0] < 0.7 * base.residual.size

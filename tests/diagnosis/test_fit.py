@@ -362,6 +362,19 @@ def test_a_form_with_a_shape_that_the_best_ones_lack_is_tried_too() -> None:
     assert ranked([*straight, score(300.0, EffectUnknown("early_saturation", "knee_shift"))]) == straight
 
 
+def test_another_form_is_tried_from_a_quarter_of_the_best_score_on() -> None:
+    """Of a lower knee one number scored 574 nats and brought 19, four scored 238 and brought 850."""
+
+    def score(gain: float, *names: str) -> Score:
+        amounts = tuple(EffectUnknown("early_saturation", name) for name in names)
+        n = len(names)
+        return Score(Variant("early_saturation", amounts), gain, np.ones(n), np.zeros(1), np.eye(n))
+
+    shift, other = score(574.0, "knee_shift"), score(238.0, "low_field_current", "knee_excess")
+    assert ranked([shift, other]) == [shift, other]
+    assert ranked([shift, replace(other, gain=140.0)]) == [shift]
+
+
 def test_a_peak_between_springs_that_score_more_is_tried_too() -> None:
     """The gains of a second resonance at 153 Hz over the grid: far above, its spring alone scores more."""
     grid = [100.0, 119.0, 140.0, 165.0, 195.0, 230.0, 271.0, 320.0, 526.0, 864.0, 1203.0, 1419.0]

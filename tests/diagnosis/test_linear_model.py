@@ -1,10 +1,11 @@
 """The linear model around a fit: the noise's densities are estimated anew with the amounts."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
-from linear_record import CUBIC, FRICTION, OFFSET, LinearRecord, record, with_effect
+from linear_record import CUBIC, OFFSET, LinearRecord, record, with_effect
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis import linear_model
@@ -13,7 +14,7 @@ from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.noise import weights_of
 from msl_fem.diagnosis.scores import scored, signatures
-from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
+from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.diagnosis.variants import Variant
 
 SLOW = 200
@@ -35,17 +36,17 @@ class _Coloured(LinearRecord):
         return np.array([self.top, np.inf])
 
 
-def slow(size: float, *, effect: EffectUnknown = OFFSET, top: float = np.inf) -> tuple[Fit, Fit]:
+def slow(size: float, *, top: float = np.inf) -> tuple[Fit, Fit]:
     """Fits without and with an effect that acts in the slow band alone."""
     it, unknowns = record(seed=3)
     column = np.where(np.arange(it.data.size) < SLOW, np.random.default_rng(4).standard_normal(it.data.size), 0.0)
-    coloured = _Coloured(it.data + size * column, it.nuisances, {effect.effect: column}, top=top)
+    coloured = _Coloured(it.data + size * column, it.nuisances, {OFFSET.effect: column}, top=top)
     base = fit(coloured, unknowns, np.zeros(3))  # type: ignore[arg-type]
-    return base, fit(coloured, with_effect(unknowns, effect), np.zeros(4))  # type: ignore[arg-type]
+    return base, fit(coloured, with_effect(unknowns, OFFSET), np.zeros(4))  # type: ignore[arg-type]
 
 
-def gain_of(base: Fit, effect: EffectUnknown = OFFSET) -> float:
-    return scored(base, [Variant(effect.effect, (effect,))]).scores[0].gain
+def gain_of(base: Fit) -> float:
+    return scored(base, [Variant(OFFSET.effect, (OFFSET,))]).scores[0].gain
 
 
 @pytest.mark.parametrize("top", [np.inf, 100.0])
@@ -63,18 +64,31 @@ def test_with_the_densities_of_the_fit_it_promises_no_more_than_half_a_nat_a_num
     assert 50 < gain_of(base) < SLOW / 2
 
 
-def test_white_densities_lead_to_a_minimum_that_those_of_the_fit_hide() -> None:
-    """A cause of one side passes for noise in one band, and in the other a little of the opposite sign is likelier."""
-    base, full = slow(30.0, effect=FRICTION)
-    it = base.likelihood
-    fast = np.where(np.arange(base.residual.size) >= SLOW, np.random.default_rng(9).standard_normal(4000), 0.0)
-    both = it.of_effect["coulomb_friction"] + fast  # type: ignore[attr-defined]
-    opposite = replace(it, data=it.data - 1.5 * fast, of_effect={"coulomb_friction": both})  # type: ignore[arg-type, call-arg]
-    base = fit(opposite, base.unknowns, np.zeros(3))
-    full = fit(opposite, with_effect(base.unknowns, FRICTION), np.array([*base.z, 30.0]))
-    [score] = scored(base, [Variant(FRICTION.effect, (FRICTION,))]).scores
-    assert score.gain >= full.log_evidence - base.log_evidence - 1.0
-    assert score.guess[0] >= 0
+def weak_beside(found: Fit, tells: float) -> Fit:
+    """A fit of the same record whose data tell so little of one more nuisance, in the slow band alone."""
+    it: Any = found.likelihood
+    more = np.where(np.arange(it.data.size) < SLOW, np.random.default_rng(6).standard_normal(it.data.size), 0.0)
+    more += tells / 2 * it.of_effect["force_offset"]
+    unknowns = replace(found.unknowns, believed=(*found.unknowns.believed, ("resistance", 0.01)))
+    wider = replace(it, nuisances=np.column_stack([it.nuisances, tells * more]))
+    return fit(wider, unknowns, np.zeros(4))
+
+
+@pytest.mark.parametrize("tells", [0.02, 1.0])
+def test_what_the_data_hardly_tell_is_held_by_its_prior_and_pays_for_what_it_is_told_anew(tells: float) -> None:
+    """With other densities the data tell more of it, which costs evidence, as in the refit."""
+    base = weak_beside(slow(30.0)[0], tells)
+    full = fit(base.likelihood, with_effect(base.unknowns, OFFSET), np.zeros(5))
+    assert gain_of(base) == pytest.approx(full.log_evidence - base.log_evidence, abs=0.3)
+
+
+def test_columns_of_the_same_fit_score_alike_where_the_prior_holds_what_is_unknown() -> None:
+    base = weak_beside(slow(3.0)[0], 0.02)
+    tried = [Variant(OFFSET.effect, (OFFSET,))]
+    exact = scored(base, tried)
+    again = scored(base, tried, near=exact.columns)
+    assert again.scores[0].gain == pytest.approx(exact.scores[0].gain, rel=1e-6)
+    assert again.scores[0].shift == pytest.approx(exact.scores[0].shift, rel=1e-4, abs=1e-9)
 
 
 def test_where_a_zero_wanders_densities_stay_those_of_the_fit() -> None:

@@ -352,6 +352,17 @@ def test_iron_that_may_saturate_is_tried_with_and_without(
     assert own[1][0].centre == pytest.approx(centre)
 
 
+def test_a_second_resonance_is_tried_at_the_peaks_of_what_is_left_too(base) -> None:
+    features = RecordFeatures(1e-3, 1.0, 5e-3, 20.0, resonances=(181.7, 95.0))
+    tried = variants("structural_mode", features, plant_parameters(levitator.actuator(base)))
+    for n_amount in (1, 2):
+        own = [one.shapes[0].centre for one in tried if len(one.amounts) == n_amount]
+        assert own[-2:] == [181.7, 95.0]
+        assert own[:2] == pytest.approx([32.0, 37.76])
+    springs = variants("support_compliance", features, plant_parameters(levitator.actuator(base)))
+    assert all(one.shapes[0].centre not in features.resonances for one in springs)
+
+
 def test_friction_is_tried_in_each_of_its_forms(base) -> None:
     """Elastic before it slides and falling beyond, or passing zero with the velocity: never both in one."""
     features = RecordFeatures(1e-3, 1.0, 5e-3, 20.0)
