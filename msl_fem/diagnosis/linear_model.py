@@ -17,6 +17,7 @@ to second order. Where a zero wanders, densities stay those of the fit.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,16 @@ class BestAmounts:
     gain: float
     amounts: Array
     shift: Array
+
+
+class _End(NamedTuple):
+    """Where a minimum is: the nats, u, and the matrices there of what was unknown before, and of the amounts when that
+    is free."""
+
+    nats: float
+    at: Array
+    before: Array
+    own: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +129,7 @@ class Background:
             whole = np.vstack([weighted, left, residual[rows]])
             return np.asarray(whole @ whole.T)
 
-        places = _rows_of_labels(found.likelihood.labels)
+        places = _rows_of_labels(found.likelihood.labels, found.weights.density.size)
         sums = in_threads(lambda parts: sum(map(beside_them, parts[1:]), beside_them(parts[0])), places, threads)
         self.products = np.array(sums)
         self.slope, self.curvature, self.noise = prior_slope, curvature, found.weights
@@ -141,20 +152,18 @@ class Background:
 
     def best(self, places: Sequence[int], one_sided: NDArray[np.bool_]) -> BestAmounts:
         """The best point of the amounts that stand at these places."""
-        end, at, before, own = self._best(places, one_sided)
-        base, _, base_before, _ = self.without
-        n = len(self.along)
-        occam = np.linalg.slogdet(own + NEAR * np.eye(len(places)))[1] + _log_ratio(before, base_before)
-        gain = base - end + CAUCHY * len(places) - float(occam) / 2
-        return BestAmounts(gain, at[n:], at[:n] + self.along[:, list(places)] @ at[n:])
+        end, n = self._best(places, one_sided), len(self.along)
+        occam = np.linalg.slogdet(end.own + NEAR * np.eye(len(places)))[1] + _log_ratio(end.before, self.without.before)
+        gain = self.without.nats - end.nats + CAUCHY * len(places) - float(occam) / 2
+        amounts = end.at[n:]
+        return BestAmounts(gain, amounts, end.at[:n] + self.along[:, list(places)] @ amounts)
 
-    def _best(self, places: Sequence[int], one_sided: NDArray[np.bool_]) -> tuple[float, Array, Array, Array]:
-        """(nats, where, and the two matrices there of `_Valley.step`)"""
+    def _best(self, places: Sequence[int], one_sided: NDArray[np.bool_]) -> _End:
         n = len(self.along)
         rows = np.array([*range(n), *(n + place for place in places), self.products.shape[1] - 1])
         products: Array = self.products[:, rows[:, None], rows]
         valley = _Valley(products, self.along[:, list(places)], self.slope, self.curvature, self.noise)
-        at = np.zeros(n + len(places)) if not places else np.concatenate([self.without[1], np.zeros(len(places))])
+        at = np.zeros(n + len(places)) if not places else np.concatenate([self.without.at, np.zeros(len(places))])
         nats, density = valley.nats(at)
         weak = (NEAR, FAR) if places else (NEAR,)
         steps = [valley.step(density, np.full(len(places), way), one_sided) for way in weak]
@@ -166,7 +175,7 @@ class Background:
             if gained < ENOUGH:
                 break
             steps = [valley.step(density, 2.0 / (1.0 + at[n:] ** 2), one_sided)]
-        return nats, at, *matrices
+        return _End(nats, at, *matrices)
 
 
 def _down(valley: _Valley, at: Array, nats: float, end: Array) -> tuple[float, Array, Array]:
@@ -184,10 +193,10 @@ def _log_ratio(one: Array, other: Array) -> float:
     return float(np.linalg.slogdet(one)[1] - np.linalg.slogdet(other)[1]) if one.size else 0.0
 
 
-def _rows_of_labels(labels: NDArray[np.intp]) -> list[list[NDArray[np.intp]]]:
+def _rows_of_labels(labels: NDArray[np.intp], n_label: int) -> list[list[NDArray[np.intp]]]:
     """Of each label the rows of its numbers, some at a time."""
     order = np.argsort(labels, kind="stable")
-    ends = np.searchsorted(labels[order], np.arange(int(labels.max()) + 1), side="right")
+    ends = np.searchsorted(labels[order], np.arange(n_label), side="right")
     every = np.split(order, ends[:-1])
     return [np.array_split(rows, max(1, -(-rows.size // ROWS_AT_ONCE))) for rows in every]
 
