@@ -89,6 +89,7 @@ def test_columns_of_the_same_fit_score_alike_where_the_prior_holds_what_is_unkno
     again = scored(base, tried, near=exact.columns)
     assert again.scores[0].gain == pytest.approx(exact.scores[0].gain, rel=1e-6)
     assert again.scores[0].shift == pytest.approx(exact.scores[0].shift, rel=1e-4, abs=1e-9)
+    assert again.scores[0].own == pytest.approx(exact.scores[0].own, rel=1e-6)
 
 
 def test_where_a_zero_wanders_densities_stay_those_of_the_fit() -> None:
