@@ -1,7 +1,7 @@
 """What any effect brings by chance on this very record: surrogates of the record without effects.
 
 At the most probable model without effects the slopes of the log likelihood over all amounts are normal with zero mean
-and the Gauss-Newton matrix G of the amounts (`scores.Background`) as their covariance: the score statistic (Cox and
+and the Gauss-Newton matrix G of the amounts (`linear_model`) as their covariance: the score statistic (Cox and
 Hinkley, Theoretical Statistics, 1974, sec. 9.3). Drawn from that, all variants of all effects get their gains as on the
 record itself, and the largest of them is what a clean record of this rig, this excitation and these tolerances brings.
 """
@@ -64,7 +64,7 @@ def null_distribution(own: Array, variants: Sequence[AmountPlaces]) -> NullDistr
 
 
 def _gains(own: Array, slopes: Array, variant: AmountPlaces) -> Array:
-    """(n_surrogate,) gains of a variant, as `Background.score` has them."""
+    """(n_surrogate,) gains of a variant, as `linear_model` has them at the densities of the fit."""
     at = np.array(variant.places)
     g, b = own[np.ix_(at, at)], slopes[:, at]
     one_sided = np.array(variant.one_sided)
