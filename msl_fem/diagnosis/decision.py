@@ -144,9 +144,7 @@ class Rule:
         gains = [stage.best.gain for stage in stages if stage.best is not None]
         if not 0 < refit.gain <= refit.reach < WEAK * max(gains, default=0.0):
             return False
-        before, now, share = excesses[-1], refit.fit.excess, refit.reach / refit.gain
-        powers = {name: value**2 - share * (value**2 - now[name] ** 2) for name, value in before.items()}
-        after = {name: float(np.sqrt(max(power, 0.0))) for name, power in powers.items()}
+        after = refit.may_leave(excesses[-1])
         granted = SearchStage(refit.fit, (), (replace(refit, gain=refit.reach),))
         return not self.searches_on([*stages, granted], len(stages), [*excesses, after])
 

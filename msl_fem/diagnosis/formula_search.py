@@ -7,18 +7,18 @@ it as long as each leaves little of what was left: forward selection by evidence
 113, 2016, 3932-3937) cut small coefficients of a regression on derivatives.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from msl_fem.computing.laws import LawExpression
-from msl_fem.diagnosis.decision import BY_CHANCE, FINISHED, completes, excess_power, white
+from msl_fem.diagnosis.decision import BY_CHANCE, completes, excess_power, white
 from msl_fem.diagnosis.first_part import in_first_part
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula_terms import law_sizes, library
-from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.refinement import Refinement
@@ -166,20 +166,20 @@ def _worth(before: Fit, step: _Step, taken: Sequence[LawExpression]) -> bool:
     best = step.refits[0][1]
     if best.gain < max(LEAST, step.null.quantile(BY_CHANCE)):
         return False
+    return _takes_enough(before.excess, best.fit.excess, taken)
+
+
+def _takes_enough(before: Mapping[str, float], after: Mapping[str, float], taken: Sequence[LawExpression]) -> bool:
+    """Whether a term takes enough of what is in excess of the noise: a first one a share, a further one most of it."""
     if taken:
-        return completes(before.excess, best.fit.excess)
-    return excess_power(best.fit.excess) <= (1 - EXPLAINED) * excess_power(before.excess)
+        return completes(before, after)
+    return excess_power(after) <= (1 - EXPLAINED) * excess_power(before)
 
 
 def _hopeless(before: Fit, taken: Sequence[LawExpression], least: float, refit: Refit) -> bool:
-    """Whether a term is not worth its end: it comes to fewer nats than it has to bring, or to a smaller share of what
-    is in excess of the noise than it has to take, also where that grows as its nats may."""
-    if refit.reach < least:
-        return True
-    power = max(excess_power(before.excess), 1e-300)
-    share = (1 - excess_power(refit.fit.excess) / power) * refit.reach / max(refit.gain, 1e-300)
-    noise = len(before.excess) * (QUIET**2 - 1) / power  # that may be left of it
-    return share < (1 - max(FINISHED, noise) if taken else EXPLAINED)
+    """Whether a term is not worth its end: it comes to fewer nats than it has to bring, or takes too little of what is
+    in excess of the noise, also where that grows as its nats may."""
+    return refit.reach < least or not _takes_enough(before.excess, refit.may_leave(before.excess), taken)
 
 
 def _with_term(base: Fit, found: ChosenTerms | None, step: _Step) -> ChosenTerms:

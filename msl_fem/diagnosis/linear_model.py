@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
-from msl_fem.computing.gauss_newton import ROWS_AT_ONCE, normal_equations, summed_over_rows
+from msl_fem.computing.gauss_newton import ROWS_AT_ONCE, summed_over_rows
 from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.noise import NoiseWeights
@@ -106,49 +106,37 @@ class Background:
     """What is unknown at a fit, and the columns of many amounts, multiplied with one another once, band by band."""
 
     def __init__(self, found: Fit, raw: Slopes, moved: Array | None = None) -> None:
-        """`raw` are columns (n_number, n_amount) of the residual, not weighted; they are weighted in place. With each
-        amount the unknowns move already by `moved` (n_unknown, n_amount)."""
+        """`raw` are columns (n_number, n_amount) of the residual, not weighted; they are weighted in place and become
+        `own_columns`, less what the unknowns make up for. With each amount the unknowns move already by `moved`
+        (n_unknown, n_amount)."""
         root, jacobian = found.weights.root, found.jacobian
         raw *= root[:, None]
-        self.c, self.found = raw, found
         residual = found.residual * root
-        _, prior_slope, curvature = found.unknowns.prior(found.z)
+        _, self.slope, self.curvature = found.unknowns.prior(found.z)
         threads = found.likelihood.threads
-        gram, _ = normal_equations(jacobian, root, threads=threads)
 
         def with_unknowns(rows: slice) -> tuple[Array, ...]:
             return ((jacobian[rows] * root[rows, None]).T @ raw[rows].astype(np.float64),)
 
         [between] = summed_over_rows(with_unknowns, len(raw), threads=threads)
         moved = np.zeros_like(between) if moved is None else moved
-        absorbed = np.linalg.solve(gram + np.diag(curvature), between + curvature[:, None] * moved)
+        absorbed = np.linalg.solve(found.precision, between + self.curvature[:, None] * moved)
 
         def beside_them(rows: NDArray[np.intp]) -> Array:
             weighted = jacobian.T[:, rows] * root[rows]
             left = raw.T[:, rows] - absorbed.T @ weighted
+            raw.T[:, rows] = left
             whole = np.vstack([weighted, left, residual[rows]])
             return np.asarray(whole @ whole.T)
 
         places = _rows_of_labels(found.likelihood.labels, found.weights.density.size)
         sums = in_threads(lambda parts: sum(map(beside_them, parts[1:]), beside_them(parts[0])), places, threads)
         self.products = np.array(sums)
-        self.slope, self.curvature, self.noise = prior_slope, curvature, found.weights
-        self.absorbed, self.along = absorbed, moved - absorbed
+        self.own_columns, self.along, self.noise = raw, moved - absorbed, found.weights
         n = len(absorbed)
         of_amounts = self.products[:, n:-1, n:-1].sum(axis=0)
-        self.own = self.along.T @ (curvature[:, None] * self.along) + of_amounts
+        self.own = self.along.T @ (self.curvature[:, None] * self.along) + of_amounts
         self.without = self._best((), np.zeros(0, dtype=bool))
-
-    def beside(self) -> Slopes:
-        """The weighted columns less what the unknowns make up for; they take the place of the columns."""
-        root, jacobian = self.found.weights.root, self.found.jacobian
-
-        def put(begin: int) -> None:
-            rows = slice(begin, begin + ROWS_AT_ONCE)
-            self.c[rows] -= (jacobian[rows] * root[rows, None]) @ self.absorbed
-
-        in_threads(put, range(0, len(self.c), ROWS_AT_ONCE), self.found.likelihood.threads)
-        return self.c
 
     def best(self, places: Sequence[int], one_sided: NDArray[np.bool_]) -> BestAmounts:
         """The best point of the amounts that stand at these places."""
@@ -164,28 +152,33 @@ class Background:
         products: Array = self.products[:, rows[:, None], rows]
         valley = _Valley(products, self.along[:, list(places)], self.slope, self.curvature, self.noise)
         at = np.zeros(n + len(places)) if not places else np.concatenate([self.without.at, np.zeros(len(places))])
-        nats, density = valley.nats(at)
+        here = (*valley.nats(at), at)
         weak = (NEAR, FAR) if places else (NEAR,)
-        steps = [valley.step(density, np.full(len(places), way), one_sided) for way in weak]
+        steps = [valley.step(here[1], np.full(len(places), way), one_sided) for way in weak]
         for _ in range(REWEIGHTED):
-            ends = [_down(valley, at, nats, end) for end, *_ in steps]
+            ends = [_down(valley, here, end) for end, *_ in steps]
             best = min(range(len(steps)), key=lambda n: ends[n][0])
             matrices = steps[best][1:]
-            gained, (nats, density, at) = nats - ends[best][0], ends[best]
+            gained, here = here[0] - ends[best][0], ends[best]
             if gained < ENOUGH:
                 break
-            steps = [valley.step(density, 2.0 / (1.0 + at[n:] ** 2), one_sided)]
-        return _End(nats, at, *matrices)
+            steps = [valley.step(here[1], 2.0 / (1.0 + here[2][n:] ** 2), one_sided)]
+        return _End(here[0], here[2], *matrices)
 
 
-def _down(valley: _Valley, at: Array, nats: float, end: Array) -> tuple[float, Array, Array]:
-    """(nats, densities, where) on the way from a point to another: its end, or where it leads down; else here."""
+_Place = tuple[float, Array, Array]
+"""(nats, densities, where)"""
+
+
+def _down(valley: _Valley, here: _Place, end: Array) -> _Place:
+    """On the way from a place to a point: its end, or where it leads down; else here."""
+    nats, _, at = here
     for _ in range(HALVED):
         there, density = valley.nats(end)
         if there < nats:
             return there, density, end
         end = (at + end) / 2
-    return nats, valley.nats(at)[1], at
+    return here
 
 
 def _log_ratio(one: Array, other: Array) -> float:

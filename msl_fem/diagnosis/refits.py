@@ -1,6 +1,6 @@
 """A candidate beside a fit, fitted anew with everything else: where it begins, what it has come to and still may."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ CATCHING_UP = 3.0
 """Times what the last of these rounds brought, by which a candidate that goes on may still grow."""
 FRACTION = 0.005  # of its gain that a refit may still gain, where it is not the best
 ROUGH = 5.0  # nats that a fit may still gain when it is scored, where the best score is far above
+LEAST_GAIN = 1e-9  # nats: one that brings less takes nothing, or in proportion everything
 STRAINED = 4.0  # tolerances by which a believed parameter of a fit has moved, where something else bends it
 BENT = 2.5  # tolerances, from which what gains make up for nearly may be what bends it
 
@@ -43,6 +44,13 @@ class Refit:
     @property
     def promising(self) -> bool:
         return self.fit.to_come(RACED_STEPS) >= self.enough
+
+    def may_leave(self, before: Mapping[str, float]) -> dict[str, float]:
+        """Channel to residual over the noise, where it takes of what was left `before` in proportion to all the nats
+        that it may come to."""
+        now, share = self.fit.excess, self.reach / max(self.gain, LEAST_GAIN)
+        powers = {name: value**2 - share * (value**2 - now[name] ** 2) for name, value in before.items()}
+        return {name: float(np.sqrt(max(power, 0.0))) for name, power in powers.items()}
 
     @property
     def reach(self) -> float:

@@ -4,6 +4,7 @@ A grid of frequencies that is fine enough for a resonance of a per cent of dampi
 shows of one is a peak of what is left without it, some per cent wide.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,10 @@ class RestSpectrum:
     spacing: float
 
 
+Candidate = tuple[float, float, float]
+"""(how much it stands out, its frequency in Hz, the spacing of its spectrum in Hz)"""
+
+
 def spectra_of_rest(likelihood: Likelihood, found: Fit) -> list[RestSpectrum]:
     """Of each channel of each run; what is left over stretches is joined, since a line is one of the whole run."""
     spectra = []
@@ -47,7 +52,7 @@ def spectra_of_rest(likelihood: Likelihood, found: Fit) -> list[RestSpectrum]:
 
 def loud_lines(spectra: list[RestSpectrum]) -> tuple[float, ...]:
     """Frequencies in Hz at which single lines of a spectrum stand out, the loudest first."""
-    candidates = []
+    candidates: list[Candidate] = []
     for one in spectra:
         power, spacing = one.power, one.spacing
         if power.size < FEWEST_LINES:
@@ -56,25 +61,27 @@ def loud_lines(spectra: list[RestSpectrum]) -> tuple[float, ...]:
         loud = np.flatnonzero(power > LOUD * np.maximum(around - power / 31, 2.0 / 3))
         loud = loud[loud >= SLOWEST]
         candidates += [(float(power[k]), _peak(power, int(k)) * spacing, spacing) for k in loud]
-    frequencies: list[float] = []
-    for _, frequency, spacing in sorted(candidates, reverse=True):
-        if all(abs(frequency - other) > APART * spacing for other in frequencies):
-            frequencies.append(frequency)
-    return tuple(frequencies[:MOST_LINES])
+    return _first_apart(candidates, MOST_LINES, lambda _, spacing: APART * spacing)
 
 
 def resonances(spectra: list[RestSpectrum]) -> tuple[float, ...]:
     """Frequencies in Hz about which some per cent of a spectrum stand out, what tells most first."""
     candidates = [peak for one in spectra for peak in _peaks_of(one)]
-    frequencies: list[float] = []
-    for _, frequency in sorted(candidates, reverse=True):
-        if all(abs(frequency - other) > ONE_PEAK * other for other in frequencies):
-            frequencies.append(frequency)
-    return tuple(frequencies[:MOST_RESONANCES])
+    return _first_apart(candidates, MOST_RESONANCES, lambda other, _: ONE_PEAK * other)
 
 
-def _peaks_of(one: RestSpectrum) -> list[tuple[float, float]]:
-    """(nats that it tells, Hz) of the peaks of a spectrum: n lines of so many times the power around, r, tell
+def _first_apart(candidates: list[Candidate], most: int, least: Callable[[float, float], float]) -> tuple[float, ...]:
+    """The frequencies of some candidates that stand out most, each farther from those before than `least` says of the
+    other's frequency and of its own spectrum's spacing."""
+    found: list[float] = []
+    for _, frequency, spacing in sorted(candidates, reverse=True):
+        if all(abs(frequency - other) > least(other, spacing) for other in found):
+            found.append(frequency)
+    return tuple(found[:most])
+
+
+def _peaks_of(one: RestSpectrum) -> list[Candidate]:
+    """The peaks of a spectrum: n lines of so many times the power around, r, tell
     n (r - 1 - log r)."""
     edges = [SLOWEST]
     while (wider := edges[-1] + max(FEWEST_IN_PEAK, round(NARROW * edges[-1]))) <= BELOW * one.power.size:
@@ -90,7 +97,7 @@ def _peaks_of(one: RestSpectrum) -> list[tuple[float, float]]:
             lines = np.arange(edges[n - 1], edges[n + 2])
             shares = one.power[lines] / one.power[lines].sum()
             if shares.max() < OF_A_LINE:
-                found.append((told, float(lines @ shares) * one.spacing))
+                found.append((told, float(lines @ shares) * one.spacing, one.spacing))
     return found
 
 

@@ -132,6 +132,7 @@ def scored(
     seen = seen_columns(raw)
     failed = np.array([not (shown or np.isfinite(raw[:, n]).all()) for n, shown in enumerate(seen)], dtype=bool)
     raw[:, ~seen] = 0.0
+    weighted = (raw * found.weights.root[:, None]).astype(np.float32) if with_columns else raw
     background = Background(found, raw, moved)
     place = {amount: n for n, amount in enumerate(amounts)}
     made, amount_places = [], []
@@ -142,13 +143,13 @@ def scored(
             followed.add(variant.effect)
         if seen[places].all():
             score = score_of(background, variant, places)
-            made.append(replace(score, signature=background.c[:, places]) if with_columns else score)
+            made.append(replace(score, signature=weighted[:, places]) if with_columns else score)
             one_sided = tuple(one.one_sided for one in variant.amounts)
             amount_places.append(AmountPlaces(tuple(places), one_sided))
     by_chance = null_distribution(background.own, amount_places) if null else NullDistribution()
     dropped = dict.fromkeys(variant.effect for variant in tried if variant.effect not in followed)
     along = background.along[: found.unknowns.n_nuisance]
-    columns = AmountColumns(place, background.beside(), along, found.weights.root, found.likelihood.begins)
+    columns = AmountColumns(place, background.own_columns, along, found.weights.root, found.likelihood.begins)
     return ScoredVariants(tuple(sorted(made, key=lambda s: -s.gain)), by_chance, tuple(dropped), columns)
 
 
