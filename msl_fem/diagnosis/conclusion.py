@@ -11,6 +11,7 @@ from msl_fem.diagnosis.decision import (
     MOST_OF_IT,
     OWN_OF_A_RUN,
     TIE,
+    WEAK,
     WORSE,
     completes,
     does_alone,
@@ -109,9 +110,10 @@ def conclude(
     main, (named, notes) = main_cause(result, worse), _named(kind, result, confirmed)
     compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
-        first = replace(result, taken=1)
-        main, (named, notes) = main_cause(first, worse), _named(kind, first, confirmed)
-        notes.append("several effects together leave what a function of one variable explains; only the first is kept")
+        kept = _without_patches(kind, result, models, threads=threads)
+        main, (named, notes) = main_cause(kept, worse), _named(kind, kept, confirmed)
+        which = "the first is" if kept.taken == 1 else f"the first {kept.taken} are"
+        notes.append(f"several effects together leave what a function of one variable explains; only {which} kept")
     result = named
     if result.unclear and result.stages[-1].best is not None:
         probable = result.stages[-1].best.variant.effect
@@ -212,6 +214,21 @@ def _compensating(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, t
     ranked = kind.dependences(result.final, model, few=True, threads=threads)
     last = result.stages[result.taken - 1].best
     return bool(ranked and last is not None and ranked[0].gain > max(WORTH_NAMING, last.gain))
+
+
+def _without_patches(
+    kind: Kind, result: EffectSearch, models: Sequence[ModelHypothesis], *, threads: int
+) -> EffectSearch:
+    """The search without the effects that make up together for what none of them is: with the first alone, but where
+    the last ones bring next to nothing beside those before, which then leave no such function, with those before."""
+    while result.taken > 1:
+        gains = [0.0 if stage.best is None else stage.best.gain for stage in result.stages[: result.taken]]
+        if gains[-1] >= WEAK * max(gains):
+            return replace(result, taken=1)
+        result = replace(result, taken=result.taken - 1)
+        if not _compensating(kind, result, models[result.taken], threads=threads):
+            break
+    return result
 
 
 def _faint(kind: Kind, result: EffectSearch, model: ModelHypothesis, *, threads: int) -> str:

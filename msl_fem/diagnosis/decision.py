@@ -151,19 +151,22 @@ class Rule:
     def goes_on(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n is no spurious addition to those before: it completes them (`completes`),
         or of all that was there without effects no more is left than named ones may leave, and it brings a channel down
-        to noise, or with a large gain leaves little more than noise in all, or is as large as any of them and takes a
-        good part. What is of a run's own, a wandering sensor, leaves a rest that no other effect completes: beside it a
-        large gain counts.
+        to noise, or with a large gain leaves little more than noise in all or brings believed parameters back to their
+        tolerances (`restores`), or is as large as any of them and takes a good part. What is of a run's own, a
+        wandering sensor, leaves a rest that no other effect completes: beside it a large gain counts.
         """
-        first = stages[0].best
-        if n == 0 or completes(excesses[n], excesses[n + 1], self.finished) or first is None:
+        first, best = stages[0].best, stages[n].best
+        if n == 0 or completes(excesses[n], excesses[n + 1], self.finished) or first is None or best is None:
             return True
-        if strong(stages, n) and first.variant.effect in OWN_OF_A_RUN:
+        large = strong(stages, n)
+        if large and first.variant.effect in OWN_OF_A_RUN:
             return True
-        little = strong(stages, n) and max(excesses[n + 1].values()) <= LITTLE_MORE
+        little = large and max(excesses[n + 1].values()) <= LITTLE_MORE
         settles = quietens(excesses[n], excesses[n + 1])
         equal = strong(stages, n, EQUAL) and completes(excesses[n], excesses[n + 1], self.several)
-        return (little or settles or equal) and share_left(excesses, n + 1) <= LEFT_OVER
+        if share_left(excesses, n + 1) > LEFT_OVER:
+            return False
+        return little or settles or equal or (large and restores(stages[n].base, best.fit))
 
 
 def _bounded(variant: Variant) -> bool:
@@ -314,6 +317,20 @@ def completes(before: Mapping[str, float], after: Mapping[str, float], share: fl
 def quietens(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
     """Whether one effect more leaves noise alone in a channel in which more than `LITTLE_MORE` was left."""
     return any(value > LITTLE_MORE and after[name] <= QUIET for name, value in before.items())
+
+
+def restores(before: Fit, after: Fit) -> bool:
+    """Whether one effect more brings believed parameters that lay beyond `TOLERANCES` of their own back to where they
+    are believed: what they made up for is no residual of any channel."""
+    strayed, left = (fit.z[: len(fit.unknowns.believed)] for fit in (before, after))
+    if np.abs(strayed).max(initial=0.0) <= TOLERANCES:
+        return False
+    return _beyond_one(left) <= FINISHED * _beyond_one(strayed)
+
+
+def _beyond_one(z: Array) -> float:
+    """What squares of numbers that are normal leave above their mean of 1, together."""
+    return float(np.sum(np.maximum(z**2 - 1, 0.0)))
 
 
 def n_accepted(stages: Sequence[SearchStage], excesses: Excesses, rule: Rule) -> int:

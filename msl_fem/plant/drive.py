@@ -463,14 +463,21 @@ def _outer_forces(e: Rows, state: Rows, work: Rows, push: Value) -> Three:
     """`push`, the constant offset and the periodic force, whose phase goes on by half a step twice."""
     constant = push + e[mechanical.FORCE]
     cosine, sine = state[PHASE_COSINE], state[PHASE_SINE]
-    a, b = e[sensing.FORCE_COSINE], e[sensing.FORCE_SINE]
-    begin = constant + (a * cosine + b * sine)
+    begin = constant + _periodic(e, cosine, sine)
     cosine, sine = _turned(e, cosine, sine)
-    middle = constant + (a * cosine + b * sine)
+    middle = constant + _periodic(e, cosine, sine)
     cosine, sine = _turned(e, cosine, sine)
     work[PHASE_COSINE_END] = cosine
     work[PHASE_SINE_END] = sine
-    return begin, middle, constant + (a * cosine + b * sine)
+    return begin, middle, constant + _periodic(e, cosine, sine)
+
+
+@compiled
+def _periodic(e: Rows, cosine: Value, sine: Value) -> Value:
+    """The periodic force at a phase: cos 3 p = cos p (1 - 4 sin^2 p), sin 3 p = sin p (4 cos^2 p - 1)."""
+    third_cosine, third_sine = cosine * (1.0 - 4.0 * sine * sine), sine * (4.0 * cosine * cosine - 1.0)
+    first = e[sensing.FORCE_COSINE] * cosine + e[sensing.FORCE_SINE] * sine
+    return first + (e[sensing.THIRD_COSINE] * third_cosine + e[sensing.THIRD_SINE] * third_sine)
 
 
 @compiled

@@ -50,6 +50,8 @@ _LASTING = [
     mechanical.COMPLIANCE,
     sensing.FORCE_COSINE,
     sensing.FORCE_SINE,
+    sensing.THIRD_COSINE,
+    sensing.THIRD_SINE,
     expressions.LAWS,
 ]
 """Coefficients of what does not settle."""

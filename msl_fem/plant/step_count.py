@@ -95,7 +95,9 @@ def rates_of_effects(plant: PlantParameters, effects: EffectValues) -> dict[str,
         stiffness += of_stops
         rates["coulomb_friction"] = max(friction, math.sqrt(stiffness / plant.mass))
     if "periodic_disturbance" in present:
-        rates["periodic_disturbance"] = 2 * math.pi * effects.get("periodic_disturbance", "frequency")
+        turns = 2 * math.pi * effects.get("periodic_disturbance", "frequency")
+        third = any(effects.get("periodic_disturbance", name) != 0 for name in ("third_cosine", "third_sine"))
+        rates["periodic_disturbance"] = 3 * turns if third else turns
     for one in DECLARED.values():
         if one.effect in present and one.equation == "force":
             slopes = steepest(one, plant, {p.name: effects.get(one.effect, p.name) for p in one.parameters})

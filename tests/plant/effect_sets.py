@@ -33,7 +33,10 @@ ALL_EFFECTS = EffectValues({
     "position_sensor_lag": {"lag": 1e-5, "delay_share": 0.3},
     "position_sensor_crosstalk": {"per_current_1": 1e-7, "per_current_2": -2e-7, "lag": 1e-4},
     "time_delay": {"command": 1.37e-4, "position": 2.3e-5, "current": 1.1e-5},
-    "periodic_disturbance": {"force_cosine": 0.1, "force_sine": 0.05, "position_cosine": 1e-7, "current_sine": 5e-3},
+    "periodic_disturbance": {
+        "force_cosine": 0.1, "force_sine": 0.05, "third_cosine": 0.01, "third_sine": -0.02, "position_cosine": 1e-7,
+        "current_sine": 5e-3,
+    },
     "sensor_drift": {"offset": 1e-7, "rate": 1e-6, "acceleration": 1e-7, "jerk": 1e-7},
 })  # fmt: skip
 

@@ -32,7 +32,7 @@ SMOOTH = EffectValues({
     "flexure_relaxation": {"strength": 0.1, "time_constant": 0.01},
     "force_offset": {"force": 1.0},
     "support_compliance": {"compliance": 5e-8, "frequency": 400.0, "damping_ratio": 0.2},
-    "periodic_disturbance": {"force_cosine": 0.5, "force_sine": -0.3, "frequency": 70.0},
+    "periodic_disturbance": {"force_cosine": 0.5, "force_sine": -0.3, "third_cosine": 0.1, "third_sine": 0.2, "frequency": 70.0},
 })  # fmt: skip
 
 
@@ -115,6 +115,8 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
         spring += get("flexure_relaxation", "strength") * p.stiffness * (x - creep)
         hum = get("periodic_disturbance", "force_cosine") * np.cos(hum_w * t)
         hum += get("periodic_disturbance", "force_sine") * np.sin(hum_w * t)
+        hum += get("periodic_disturbance", "third_cosine") * np.cos(3 * hum_w * t)
+        hum += get("periodic_disturbance", "third_sine") * np.sin(3 * hum_w * t)
         outer = push + p.constant_force + get("force_offset", "force") + hum
         link = mu * p.mass * (mode_w**2 * mode + mode_c * mode_v)
         a = (pull - film + outer - p.damping * v - spring + link) / ((1 - mu) * p.mass)

@@ -192,11 +192,13 @@ def test_a_base_that_gives_way_brings_the_magnets_nearer(servo: Actuator, table:
     assert abs(x / plain - 1) > 1e-3
 
 
-def test_a_periodic_force_moves_a_free_mass() -> None:
-    """m x'' = a cos w t + b sin w t from rest: x = (a (1 - cos w t) + b (w t - sin w t))/(m w^2)."""
+@pytest.mark.parametrize("names", [("force_cosine", "force_sine"), ("third_cosine", "third_sine")])
+def test_a_periodic_force_moves_a_free_mass(names: tuple[str, str]) -> None:
+    """m x'' = a cos w t + b sin w t from rest: x = (a (1 - cos w t) + b (w t - sin w t))/(m w^2); of a third harmonic
+    w is three times as much."""
     free = rig(stiffness="0 N/m", damping="0 N s/m")
-    values = EffectValues({"periodic_disturbance": {"force_cosine": 2.0, "force_sine": 1.0, "frequency": 37.0}})
+    values = EffectValues({"periodic_disturbance": {names[0]: 2.0, names[1]: 1.0, "frequency": 37.0}})
     run = simulate(free, None, Inputs(np.zeros((1000, 1)), 1e3), effects=values, options=FINE)
-    w = 2 * np.pi * 37.0
+    w = 2 * np.pi * 37.0 * (3 if names[0] == "third_cosine" else 1)
     exact = (2.0 * (1 - np.cos(w * run.time)) + w * run.time - np.sin(w * run.time)) / (0.5 * w**2)
     assert run.position == pytest.approx(exact, rel=1e-8, abs=1e-13)

@@ -25,6 +25,7 @@ from msl_fem.plant.plant import PlantParameters
 LAYOUT = RowLayout(after=mechanical.LAYOUT)
 SENSOR_BANDWIDTH = LAYOUT.row()  # of the position sensor, rad/s
 FORCE_COSINE, FORCE_SINE = LAYOUT.rows(2)  # of the periodic disturbance, N
+THIRD_COSINE, THIRD_SINE = LAYOUT.rows(2)  # of its third harmonic, N
 TURN_COSINE, TURN_SINE = LAYOUT.rows(2)  # rotation of its phase in half a step
 COIL_READING_1, COIL_READING_2 = LAYOUT.rows(2)  # what the position sensor sees of the coils' field, m/A
 COIL_READING_RATE = LAYOUT.row()  # of that field's own lag, rad/s
@@ -48,6 +49,8 @@ def _coil_field(e: Array, v: Values, setting: KernelSetting) -> None:
 def _periodic_force(e: Array, v: Values, setting: KernelSetting) -> None:
     e[FORCE_COSINE] = v["periodic_disturbance", "force_cosine"]
     e[FORCE_SINE] = v["periodic_disturbance", "force_sine"]
+    e[THIRD_COSINE] = v["periodic_disturbance", "third_cosine"]
+    e[THIRD_SINE] = v["periodic_disturbance", "third_sine"]
     half_turn = math.pi * v["periodic_disturbance", "frequency"] * setting.step
     e[TURN_COSINE], e[TURN_SINE] = math.cos(half_turn), math.sin(half_turn)
 
@@ -55,7 +58,9 @@ def _periodic_force(e: Array, v: Values, setting: KernelSetting) -> None:
 def _periodic_balance(v: Values, plant: PlantParameters, motion: MoverMotion) -> Array:
     phase = 2 * np.pi * v["periodic_disturbance", "frequency"] * motion.time
     cosine, sine = v["periodic_disturbance", "force_cosine"], v["periodic_disturbance", "force_sine"]
-    return -(cosine * np.cos(phase) + sine * np.sin(phase))
+    third = v["periodic_disturbance", "third_cosine"] * np.cos(3 * phase)
+    third = third + v["periodic_disturbance", "third_sine"] * np.sin(3 * phase)
+    return -(cosine * np.cos(phase) + sine * np.sin(phase) + third)
 
 
 SENSING = (
@@ -203,11 +208,13 @@ SENSING = (
         name="periodic_disturbance",
         group="sensing and timing",
         sentence="a force or reading at a fixed frequency, mains hum among them",
-        equation="a cos(w t) + b sin(w t) on the force, on the position reading, on the current readings",
+        equation="a cos(w t) + b sin(w t) on the force, with its third harmonic, on the position or current readings",
         source="Bodson, Sacks, Khosla, IEEE Trans. Automatic Control 39(9), 1994, 1939-1944",
         parameters=(
             Parameter("force_cosine", "N", 0.0, (-1e4, 1e4), 0.1, "of the force on the mover", of=(("force", 1),)),
             Parameter("force_sine", "N", 0.0, (-1e4, 1e4), 0.1, "of the force on the mover", of=(("force", 1),)),
+            Parameter("third_cosine", "N", 0.0, (-1e4, 1e4), 0.1, "of the force, at 3 w", of=(("force", 1),)),
+            Parameter("third_sine", "N", 0.0, (-1e4, 1e4), 0.1, "of the force, at 3 w", of=(("force", 1),)),
             Parameter("position_cosine", "m", 0.0, (-1e-3, 1e-3), 1e-7, "of the position reading", of=(("travel", 1),)),
             Parameter("position_sine", "m", 0.0, (-1e-3, 1e-3), 1e-7, "of the position reading", of=(("travel", 1),)),
             Parameter("current_cosine", "A", 0.0, (-10.0, 10.0), 5e-3, "of all current readings", of=(("current", 1),)),
@@ -218,13 +225,14 @@ SENSING = (
         needed_force=_periodic_balance,
         design=Part(declined="the feedback takes it as a disturbance"),
         inverse=Part(
-            ("force_cosine", "force_sine", "position_cosine", "position_sine"),
+            ("force_cosine", "force_sine", "third_cosine", "third_sine", "position_cosine", "position_sine"),
             "a rig that a force drives has no current readings",
         ),
         static=NOT_AT_REST,
         advice="follow its frequency: mains, fans, pumps; earth and screen the channel it is in",
         sets=(
             ("force_cosine", "force_sine"),
+            ("force_cosine", "force_sine", "third_cosine", "third_sine"),
             ("position_cosine", "position_sine"),
             ("current_cosine", "current_sine"),
         ),
