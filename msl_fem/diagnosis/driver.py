@@ -104,7 +104,8 @@ def diagnosis_of(kind: Kind, how: DiagnosisSettings) -> Diagnosis:
 
 def _searched(kind: Kind, how: DiagnosisSettings) -> tuple[Kind, EffectSearch]:
     """What a search finds, and the record as stated or with a statement turned round, whichever explains more: with one
-    effect where the statement is in doubt with it, with all of them where an effect has hidden that it is wrong."""
+    effect where the statement is in doubt with it, with all of them where an effect has hidden that it is wrong. Over
+    stretches the search begins once more there, since with a wrong statement shorter ones are chosen."""
     turned_how = replace(how, memory=how.memory.part("a statement turned round"))
     begun = first_effect(kind, how)
     doubted = in_doubt(kind, begun.fits)
@@ -112,12 +113,21 @@ def _searched(kind: Kind, how: DiagnosisSettings) -> tuple[Kind, EffectSearch]:
         how.progress("a statement of rig.toml turned round")
         other = first_effect(doubted, turned_how)
         if other.nats > begun.nats + TIE:
-            return doubted, search_effects(doubted, turned_how, other)
+            return _over_its_stretches(doubted, how) or (doubted, search_effects(doubted, turned_how, other))
     result = search_effects(kind, how, begun)
     hidden = restated(kind, result.fits)
     if hidden is not None:
         how.progress("a statement of rig.toml turned round")
         turned = search_effects(hidden, turned_how)
         if turned.fits[-1].log_evidence > result.fits[-1].log_evidence + TIE:
-            return hidden, turned
+            return _over_its_stretches(hidden, how) or (hidden, turned)
     return kind, result
+
+
+def _over_its_stretches(kind: Kind, how: DiagnosisSettings) -> tuple[Kind, EffectSearch] | None:
+    """A record with a statement turned round over stretches that are chosen with it, and what a search finds there;
+    None where its runs are followed as a whole."""
+    settled = kind.settled(partial(about_tolerances, how))
+    if settled is kind:
+        return None
+    return settled, search_effects(settled, replace(how, memory=how.memory.part("stretches chosen anew")))

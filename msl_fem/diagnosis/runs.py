@@ -68,13 +68,14 @@ Cuts = tuple[Stretches | None, ...]
 @dataclass(frozen=True, eq=False)
 class Runs(Kind):
     """Runs, and the rows of a static map beside them; `runs` are all of which something counts, those held out
-    too, with their `cuts`; `recorded` all that there are."""
+    too, with their `cuts`; `recorded` all that there are; `turned` what tells of statements turned round."""
 
     record: Record | None = None
     runs: tuple[RunData, ...] = ()
     cuts: Cuts = ()
     recorded: tuple[RunData, ...] = ()
     threads: int = 1
+    turned: tuple[str, ...] = ()
     _followed: dict[tuple[object, ...], Mapping[str, Array]] = field(default_factory=dict, init=False, repr=False)
 
     takes_laws: ClassVar[bool] = True
@@ -149,10 +150,11 @@ class Runs(Kind):
         values, vectors = np.linalg.eigh(covariance)
         moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T
         known = {run.name: cut for run, cut in zip(self.runs, self.cuts, strict=True)}
-        return _made(
+        made = _made(
             self.record, self.belief, self.recorded, found.z[:n], moves,
             threads=self.threads, known=known, alike=self._in_coarse_steps,
         )  # fmt: skip
+        return replace(made, notes=(*made.notes, *self.turned), turned=self.turned)
 
     def errors(self, belief: ModelHypothesis, fit: Fit | None) -> list[ErrorSignal]:
         signals = []
@@ -168,14 +170,14 @@ class Runs(Kind):
         stated = self.runs[0].hold
         other = OTHER_HOLD[stated]
         problem = self.likelihood.problem
-        turned = tuple(replace(run, hold=other) for run in problem.runs)
-        likelihood = replace(self.likelihood, problem=replace(problem, runs=turned))
+        likelihood = replace(self.likelihood, problem=replace(problem, runs=_held(problem.runs, other)))
         note = (
             f'the commands of the runs act as held "{other}" and not "{stated}" as rig.toml says, which explains '
             "the record better; that is taken for true here: correct hold"
         )
-        runs = tuple(replace(run, hold=other) for run in self.runs)
-        return (replace(self, likelihood=likelihood, runs=runs, notes=(*self.notes, note)),)
+        runs, recorded = _held(self.runs, other), _held(self.recorded, other)
+        turned = replace(self, likelihood=likelihood, runs=runs, recorded=recorded, turned=(note,))
+        return (replace(turned, notes=(*self.notes, note)),)
 
     def rule(self, rule: Rule) -> Rule:
         return rule
@@ -450,6 +452,10 @@ def _simulated_missed(
         problem, 0, ModelSpread(Unknowns((), 0, ()), np.zeros(0), np.zeros((0, 0))), substeps=plant.substeps
     )
     return shot.missed(shot.refined(cut, SHORT)) if settled else shot.followed(cut)
+
+
+def _held(runs: Sequence[RunData], hold: Hold) -> tuple[RunData, ...]:
+    return tuple(replace(run, hold=hold) for run in runs)
 
 
 def _loses(renewed: Runs, found: Fit) -> bool:

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from msl_fem.diagnosis import decision, effect_search
-from msl_fem.diagnosis.conclusion import EffectSearch, _compensating, _held_out, _named, main_cause
+from msl_fem.diagnosis.conclusion import (
+    EffectSearch,
+    _compensating,
+    _held_out,
+    _named,
+    _without_patches,
+    main_cause,
+)
 from msl_fem.diagnosis.decision import (
     RELAXED,
     Rule,
@@ -42,8 +49,13 @@ def stages(
     by_chance: NullDistribution = NullDistribution(),  # noqa: B008 - frozen
 ) -> list[Any]:
     variant = SimpleNamespace(effect=first, amounts=(SimpleNamespace(effect=first, name=amount),))
-    bests = [None if g is None else SimpleNamespace(gain=g, variant=variant) for g in gains]
-    return [SimpleNamespace(best=best, null=by_chance) for best in bests]
+    bests = [None if g is None else SimpleNamespace(gain=g, variant=variant, fit=at(0.0)) for g in gains]
+    return [SimpleNamespace(best=best, base=at(0.0), null=by_chance) for best in bests]
+
+
+def at(*z: float) -> Any:
+    """A fit whose believed parameters lie so many tolerances off, and an effect at 100."""
+    return SimpleNamespace(z=np.array([*z, 100.0]), unknowns=SimpleNamespace(believed=[("zero", 1.0)] * len(z)))
 
 
 def predicting(gain: float) -> Any:
@@ -246,6 +258,20 @@ def test_beside_a_wandering_sensor_a_large_gain_counts_though_nothing_finishes_w
     assert n_accepted(stages(1000.0, 90.0, first="sensor_drift"), powers, Rule()) == 1
 
 
+def test_a_large_gain_counts_that_brings_believed_parameters_back_to_their_tolerances() -> None:
+    powers = [LOUDER, {"x": 2.3, "i": 1.0}, {"x": 2.2, "i": 1.0}]
+
+    def taken(gain: float, before: tuple[float, ...], after: tuple[float, ...]) -> int:
+        two = stages(1000.0, gain)
+        two[1].base, two[1].best.fit = at(*before), at(*after)
+        return n_accepted(two, powers, Rule())
+
+    assert taken(130.0, (-29.9, 3.0), (0.0, 1.5)) == 2
+    assert taken(90.0, (-29.9, 3.0), (0.0, 1.5)) == 1, "small"
+    assert taken(130.0, (-29.9, 3.0), (-20.0, 1.5)) == 1, "not back"
+    assert taken(130.0, (3.9, 3.0), (0.0, 1.5)) == 1, "were within"
+
+
 def searched(*refits: tuple[str, float]) -> EffectSearch:
     """A search that has taken all of these effects, each to the noise."""
     found = [SimpleNamespace(best=SimpleNamespace(gain=g, variant=SimpleNamespace(effect=e))) for e, g in refits]
@@ -268,6 +294,24 @@ def test_several_effects_are_a_patchwork_where_a_function_explains_more_than_the
     assert not _compensating(kind, ornament, model, threads=1), "the first does alone"
     loud = replace(ornament, excesses=(LOUDER, LOUD, QUIET))
     assert _compensating(kind, loud, model, threads=1) is (left is not None)
+
+
+@pytest.mark.parametrize(
+    ("last", "left", "kept"),
+    [(29.0, {2: 40.0}, 2), (31.0, {2: 40.0}, 1), (29.0, {2: 1001.0}, 1)],
+    ids=["next to nothing", "more than that", "and so without it"],
+)
+def test_of_a_patchwork_last_effects_that_bring_next_to_nothing_go_alone(
+    last: float, left: dict[int, float], kept: int
+) -> None:
+    three = searched(("cubic", 992.0), ("loop", 1000.0), ("hum", last))
+    three = replace(three, fits=(0, 1, 2, 3), excesses=(LOUDER, LOUD, QUIET, QUIET))  # type: ignore[arg-type]
+    kind: Any = SimpleNamespace(
+        dependences=lambda fit, model, few, threads: [SimpleNamespace(gain=left.get(fit, 45.0))]
+    )
+    models: Any = [None] * 4
+    assert _compensating(kind, three, None, threads=1)  # type: ignore[arg-type]
+    assert _without_patches(kind, three, models, threads=1).taken == kept
 
 
 def test_an_effect_does_alone_what_one_behind_it_brings_next_to_nothing_to() -> None:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from msl_fem.diagnosis import driver
 from msl_fem.diagnosis.conclusion import NO_EXTENDED_MODEL
 from msl_fem.diagnosis.driver import DiagnosisSettings, diagnosis_of
 from msl_fem.diagnosis.gathered import GatheredRuns
@@ -252,3 +253,24 @@ def test_a_wrong_statement_is_turned_round_where_that_explains_more_than_every_e
     assert (found.names, found.notes[0]) == (("sensor_drift",), "stated")
     turned.data = np.full(N, np.nan)  # what cannot be simulated the other way round stays as it is stated
     assert diagnosis_of(made, DiagnosisSettings()).names == ("sensor_drift",)
+
+
+@pytest.mark.parametrize("doubted", [True, False], ids=["with one effect", "with all effects"])
+def test_a_record_turned_round_is_searched_over_the_stretches_that_are_chosen_with_it(
+    doubted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    effect = EffectUnknown("sensor_drift", "rate")
+    stated, turned, settled = LinearRecord(effect), LinearRecord(effect), LinearRecord(effect)
+    stated.data = 3 * stated.data
+    settled.data = settled.data + 2 * settled.column
+
+    class Turned(ToyKind):
+        def settled(self, tell: Any) -> Kind:
+            return ToyKind(SimpleNamespace(), settled, Unknowns((), 2, (0,)), ("settled",))  # type: ignore[arg-type]
+
+    other = Turned(SimpleNamespace(), turned, Unknowns((), 2, (0,)), ("turned",))  # type: ignore[arg-type]
+    monkeypatch.setattr(driver, "in_doubt", lambda kind, fits: other if doubted else None)
+    monkeypatch.setattr(driver, "restated", lambda kind, fits: other)
+    made = ToyKind(SimpleNamespace(), stated, Unknowns((), 2, (0,)), ("stated",))  # type: ignore[arg-type]
+    found = diagnosis_of(made, DiagnosisSettings())
+    assert (found.names, found.notes[0]) == (("sensor_drift",), "settled")

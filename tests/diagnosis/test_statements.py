@@ -139,6 +139,7 @@ def test_a_statement_in_doubt_is_judged_with_one_effect_and_one_that_an_effect_h
         nats = {"as stated": 0.0, "turned": with_one}[kind]
         return SimpleNamespace(nats=nats, fits=[SimpleNamespace(log_evidence=nats)])
 
+    monkeypatch.setattr(driver, "_over_its_stretches", lambda kind, how: None)
     monkeypatch.setattr(driver, "first_effect", first)
     monkeypatch.setattr(driver, "search_effects", chain)
     monkeypatch.setattr(driver, "in_doubt", lambda kind, fits: "turned" if doubted else None)

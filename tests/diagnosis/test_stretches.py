@@ -278,6 +278,16 @@ def test_a_model_is_fitted_over_parts_first_and_over_the_stretches_where_it_does
     assert max(found.excess.values()) < 1.1
 
 
+def test_a_statement_turned_round_stays_so_where_stretches_are_chosen_anew(short, table) -> None:
+    believed = dynamic_runs(short, ModelHypothesis(short.actuator, table), [run_data(short, run) for run in short.runs])
+    (turned,) = believed.restatements()
+    for kind, hold in ((believed, "zero-order"), (turned, "linear")):
+        settled = kind.settled(lambda text: None)
+        assert settled is not kind
+        assert {run.hold for run in (*settled.runs, *settled.likelihood.problem.runs)} == {hold}
+        assert any("correct hold" in note for note in settled.notes) == (hold == "linear")
+
+
 def test_what_is_left_at_a_fit_is_simulated_once_for_all_who_ask(short, table, monkeypatch) -> None:
     believed = dynamic_runs(short, ModelHypothesis(short.actuator, table), [run_data(short, run) for run in short.runs])
     found = fit(believed.likelihood, believed.unknowns, np.zeros(believed.unknowns.size), plan=FitPlan(most_steps=1))

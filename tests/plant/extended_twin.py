@@ -32,7 +32,9 @@ SMOOTH = EffectValues({
     "flexure_relaxation": {"strength": 0.1, "time_constant": 0.01},
     "force_offset": {"force": 1.0},
     "support_compliance": {"compliance": 5e-8, "frequency": 400.0, "damping_ratio": 0.2},
-    "periodic_disturbance": {"force_cosine": 0.5, "force_sine": -0.3, "third_cosine": 0.1, "third_sine": 0.2, "frequency": 70.0},
+    "periodic_disturbance": {
+        "force_cosine": 0.5, "force_sine": -0.3, "third_cosine": 0.1, "third_sine": 0.2, "frequency": 70.0,
+    },
 })  # fmt: skip
 
 
