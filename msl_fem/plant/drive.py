@@ -40,6 +40,8 @@ from msl_fem.plant.layout import (
     DRIVE_RAMP,
     ENERGY_ELECTRICAL,
     FORMER_1,
+    FORMER_ABOVE_1,
+    FORMER_SHARE,
     GIVEN_BEGIN_1,
     GIVEN_END_1,
     I1,
@@ -73,7 +75,7 @@ from msl_fem.plant.layout import (
 )
 from msl_fem.plant.mutual_flux import set_mutual_flux
 from msl_fem.plant.plant import CURRENT_DRIVE, FORCE_DRIVE, VOLTAGE_DRIVE, PlantParameters
-from msl_fem.plant.poles import fall_rows, lag_weights, mean_and_rise
+from msl_fem.plant.poles import FAST, fall_rows, lag_weights, mean_and_rise
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 Three = tuple[Value, Value, Value]
@@ -124,6 +126,19 @@ def terminal_voltage(
         return voltage, slope, over
     most = choose(voltage < 0.0, 0.0 - p.voltage_limit, p.voltage_limit)
     return choose(over, most, voltage), choose(over, (most - drop) / inductance, slope), over
+
+
+@compiled
+def jump_targets(p: PlantParameters, work: Rows, inputs: int, j: int) -> tuple[Value, Value, Value]:
+    """(target of side j behind a jump within the step, before it, what the one before counts at this instant); both the
+    same, and nothing, where none jumps. A voltage limit holds for either, not for what stands for both."""
+    target = work[inputs + TARGET_1 + j]
+    if p.drive != CURRENT_DRIVE:
+        return target, target, target - target
+    above = work[inputs + FORMER_ABOVE_1 + j]
+    share = choose(size(above) > 0.0, work[inputs + FORMER_SHARE], 0.0)
+    new = target - share * above
+    return new, new + above, share
 
 
 @compiled
@@ -319,9 +334,25 @@ def set_inputs_with_effects(
     for j in range(1 if p.drive == FORCE_DRIVE else p.sides):
         target = _amplifier(e, state, work, j, n, part, step, linear)
         _put(work, TARGET_1 + j, target)
-        if p.drive != CURRENT_DRIVE:
+        if p.drive == CURRENT_DRIVE:
+            _put_jump(e, work, j, n, step, linear)
+        else:
             _put(work, OUTPUT_OF_1 + j, _output(state, work, j, target, np.isinf(first(e[electrical.BANDWIDTH]))))
     _put(work, PUSH, _outer_forces(e, state, work, push))
+
+
+@compiled
+def _put_jump(e: Rows, work: Rows, j: int, n: int, step: float, linear: bool) -> None:
+    """What the target of side j stands for in step n, where a command jumps that no lag and no slew limit follows, and
+    the loop behind it is integrated."""
+    above = work[FORMER_1 + j] - work[COMMAND_1 + j]
+    if linear:
+        above = above - above
+    jumps = (e[electrical.JUMP_STEP] == n) & (e[electrical.JUMP_SHARE] > 0.0) & (e[electrical.THROUGH] == 1.0)
+    integrated = (e[electrical.BANDWIDTH] * step <= FAST) & (e[magnetic.EDDY_EXACT] == 0.0)
+    above = choose(jumps & integrated, above, 0.0)
+    _put(work, FORMER_ABOVE_1 + j, (above, above, above))
+    _put(work, FORMER_SHARE, (e[electrical.JUMP], e[electrical.JUMP + 1], e[electrical.JUMP + 2]))
 
 
 @compiled

@@ -59,7 +59,7 @@ from msl_fem.computing.lanes import (
     width,
     within,
 )
-from msl_fem.plant.drive import terminal_voltage
+from msl_fem.plant.drive import jump_targets, terminal_voltage
 from msl_fem.plant.effects import electrical, magnetic, mechanical, stray_flux, thermal
 from msl_fem.plant.effects.expressions import LAW_VOLTAGE_1, LAW_VOLTAGE_2
 from msl_fem.plant.effects.magnetic import N_EDDY
@@ -166,7 +166,7 @@ def _put_coil_currents(p: PlantParameters, e: Rows, work: Rows) -> None:
 @compiled
 def _solve_both(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None:
     """Slopes and voltages of two sides, whose circuits have a part in one another."""
-    share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
+    share, unmix, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], work[MUTUAL]
     l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
     r_1, r_2 = work[CIRCUIT_1 + RESISTANCE], work[CIRCUIT_2 + RESISTANCE]
     e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
@@ -174,7 +174,6 @@ def _solve_both(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None:
     i_2 = unmix * (work[CIRCUIT_2 + MMF] - share * work[CIRCUIT_1 + MMF])
     u_1, u_2 = work[LAW_VOLTAGE_1], work[LAW_VOLTAGE_2]
     drop_1, drop_2 = r_1 * i_1 + e_1 + u_1, r_2 * i_2 + e_2 + u_2
-    t_1, t_2 = work[inputs + TARGET_1], work[inputs + TARGET_1 + 1]
     v_1, v_2 = work[inputs + OUTPUT_OF_1], work[inputs + OUTPUT_OF_1 + 1]
     from_2 = from_1 = e_1 - e_1
     if some(size(share) > 0.0):
@@ -197,31 +196,65 @@ def _solve_both(p: PlantParameters, e: Rows, work: Rows, inputs: int) -> None:
         v_1, v_2 = drop_1 + d_1 + share * (e_2 + d_2), drop_2 + d_2 + share * (e_1 + d_1)
         _put_circuits(work, a_1, a_2, v_1, v_2)
     else:
-        w = e[electrical.BANDWIDTH]
-        b_1, b_2 = w * (t_1 - i_1) - from_2, w * (t_2 - i_2) - from_1
-        a_1, a_2 = _current_slopes(e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
+        new_1, former_1, counts_1 = jump_targets(p, work, inputs, 0)
+        new_2, former_2, counts_2 = jump_targets(p, work, inputs, 1)
+        _solve_loops(p, e, work, (i_1, i_2), (drop_1, drop_2), (from_2, from_1), new_1, new_2)
+        counts = choose(size(counts_1) > 0.0, counts_1, counts_2)
+        if some(size(counts) > 0.0):
+            a_1, a_2 = work[CIRCUIT_1 + SLOPE], work[CIRCUIT_2 + SLOPE]
+            v_1, v_2 = work[CIRCUIT_1 + VOLTAGE], work[CIRCUIT_2 + VOLTAGE]
+            _solve_loops(p, e, work, (i_1, i_2), (drop_1, drop_2), (from_2, from_1), former_1, former_2)
+            a_1, a_2 = _between(counts, a_1, work[CIRCUIT_1 + SLOPE]), _between(counts, a_2, work[CIRCUIT_2 + SLOPE])
+            v_1, v_2 = (
+                _between(counts, v_1, work[CIRCUIT_1 + VOLTAGE]),
+                _between(counts, v_2, work[CIRCUIT_2 + VOLTAGE]),
+            )
+            _put_circuits(work, a_1, a_2, v_1, v_2)
+
+
+@compiled
+def _between(share: Value, value: Value, other: Value) -> Value:
+    return value + share * (other - value)
+
+
+@compiled
+def _solve_loops(
+    p: PlantParameters, e: Rows, work: Rows, currents: tuple[Value, Value], drops: tuple[Value, Value],
+    others: tuple[Value, Value], t_1: Value, t_2: Value,
+) -> None:  # fmt: skip
+    """Slopes and voltages of two current loops with these targets, by `currents` without eddy currents, the voltages
+    that keep them, and what the other side's back-EMF moves them by (A/s)."""
+    (i_1, i_2), (drop_1, drop_2), (from_2, from_1) = currents, drops, others
+    share, unmix, eddy, mutual = e[magnetic.SHARE], e[magnetic.UNMIX], e[magnetic.EDDY], work[MUTUAL]
+    l_1, l_2 = work[CIRCUIT_1 + INDUCTANCE], work[CIRCUIT_2 + INDUCTANCE]
+    r_1, r_2 = work[CIRCUIT_1 + RESISTANCE], work[CIRCUIT_2 + RESISTANCE]
+    e_1, e_2 = work[CIRCUIT_1 + EMF], work[CIRCUIT_2 + EMF]
+    u_1, u_2 = work[LAW_VOLTAGE_1], work[LAW_VOLTAGE_2]
+    w = e[electrical.BANDWIDTH]
+    b_1, b_2 = w * (t_1 - i_1) - from_2, w * (t_2 - i_2) - from_1
+    a_1, a_2 = _current_slopes(e, work, l_1, l_2, w * l_1, w * l_2, b_1, b_2)
+    d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
+    c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
+    c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
+    v_1 = r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1
+    v_2 = r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2
+    over_1, over_2 = size(v_1) > p.voltage_limit, size(v_2) > p.voltage_limit
+    if some(over_1) or some(over_2):
+        v_1 = choose(over_1, choose(v_1 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_1)
+        v_2 = choose(over_2, choose(v_2 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_2)
+        b_1 = choose(over_1, (v_1 - drop_1) / l_1 - from_2, b_1)
+        b_2 = choose(over_2, (v_2 - drop_2) / l_2 - from_1, b_2)
+        a_1, a_2 = _current_slopes(
+            e, work, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
+        )
+        work[LIMITED_1] = choose(over_1, 1.0, work[LIMITED_1])
+        work[LIMITED_1 + 1] = choose(over_2, 1.0, work[LIMITED_1 + 1])
         d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
         c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
         c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
-        v_1 = r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1
-        v_2 = r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2
-        over_1, over_2 = size(v_1) > p.voltage_limit, size(v_2) > p.voltage_limit
-        if some(over_1) or some(over_2):
-            v_1 = choose(over_1, choose(v_1 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_1)
-            v_2 = choose(over_2, choose(v_2 < 0.0, 0.0 - p.voltage_limit, p.voltage_limit), v_2)
-            b_1 = choose(over_1, (v_1 - drop_1) / l_1 - from_2, b_1)
-            b_2 = choose(over_2, (v_2 - drop_2) / l_2 - from_1, b_2)
-            a_1, a_2 = _current_slopes(
-                e, work, l_1, l_2, choose(over_1, r_1, w * l_1), choose(over_2, r_2, w * l_2), b_1, b_2
-            )
-            work[LIMITED_1] = choose(over_1, 1.0, work[LIMITED_1])
-            work[LIMITED_1 + 1] = choose(over_2, 1.0, work[LIMITED_1 + 1])
-            d_1, d_2 = l_1 * a_1 + mutual * a_2, l_2 * a_2 + mutual * a_1
-            c_1 = i_1 + unmix * (eddy * d_1 - share * eddy * d_2)
-            c_2 = i_2 + unmix * (eddy * d_2 - share * eddy * d_1)
-            v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1)
-            v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2)
-        _put_circuits(work, a_1, a_2, v_1, v_2)
+        v_1 = choose(over_1, v_1, r_1 * c_1 + e_1 + d_1 + share * (e_2 + d_2) + u_1)
+        v_2 = choose(over_2, v_2, r_2 * c_2 + e_2 + d_2 + share * (e_1 + d_1) + u_2)
+    _put_circuits(work, a_1, a_2, v_1, v_2)
 
 
 @compiled
@@ -235,11 +268,14 @@ def _solve_circuit(p: PlantParameters, e: Rows, work: Rows, inputs: int, j: int)
     if some(eddy > 0.0) and not (p.drive == CURRENT_DRIVE and np.isinf(first(w))):
         w = w / (1.0 + w * inductance * eddy)
         stiffness = inductance * (1.0 + work[circuit + RESISTANCE] * eddy)
-    voltage, slope, over = terminal_voltage(
-        p, w, current, drop, stiffness, work[inputs + TARGET_1 + j], work[inputs + OUTPUT_OF_1 + j],
-        work[inputs + RAMP_1 + j],
-    )  # fmt: skip
+    new, former, counts = jump_targets(p, work, inputs, j)
+    output, ramp = work[inputs + OUTPUT_OF_1 + j], work[inputs + RAMP_1 + j]
+    voltage, slope, over = terminal_voltage(p, w, current, drop, stiffness, new, output, ramp)
     work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
+    if some(size(counts) > 0.0):
+        before, slope_before, over = terminal_voltage(p, w, current, drop, stiffness, former, output, ramp)
+        voltage, slope = _between(counts, voltage, before), _between(counts, slope, slope_before)
+        work[LIMITED_1 + j] = choose(over, 1.0, work[LIMITED_1 + j])
     known = KNOWN_1 + j * N_KNOWN
     work[circuit + SLOPE] = choose(work[known] > 0.0, work[known + KNOWN_SLOPE], slope)
     work[circuit + VOLTAGE] = voltage

@@ -84,6 +84,9 @@ _INPUT = RowLayout()
 TARGET_1, TARGET_2, OUTPUT_OF_1, OUTPUT_OF_2, PUSH = _INPUT.rows(5)
 # What an ideal current drive's currents move by in a second (A/s): other than 0 where inputs are linear between samples
 RAMP_1, RAMP_2 = _INPUT.rows(2)
+# Of a command that jumps within a step, and is what a current loop aims at: by what the former one is above it (A), 0
+# where none does; and the share of that which is in the target
+FORMER_ABOVE_1, FORMER_ABOVE_2, FORMER_SHARE = _INPUT.rows(3)
 N_INPUT = _INPUT.size
 
 _CIRCUIT = RowLayout()

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant import kernel
-from msl_fem.plant.effects import EffectValues
+from msl_fem.plant.effects import EffectValues, MoverMotion, needed_force, values_of
 from msl_fem.plant.excitation import Inputs
 from msl_fem.plant.layout import N_INTEGRATED, V, initial_state
 from msl_fem.plant.plant import plant_parameters, surface_of
@@ -202,3 +202,12 @@ def test_a_periodic_force_moves_a_free_mass(names: tuple[str, str]) -> None:
     w = 2 * np.pi * 37.0 * (3 if names[0] == "third_cosine" else 1)
     exact = (2.0 * (1 - np.cos(w * run.time)) + w * run.time - np.sin(w * run.time)) / (0.5 * w**2)
     assert run.position == pytest.approx(exact, rel=1e-8, abs=1e-13)
+
+
+def test_a_periodic_force_is_what_a_mover_needs_less() -> None:
+    time = np.linspace(0.0, 0.1, 7)
+    motion = MoverMotion(time, *np.zeros((4, 7)))
+    values = values_of(EffectValues({"periodic_disturbance": {"third_cosine": 2.0, "third_sine": 1.0}}).vector())
+    w = 2 * np.pi * 150.0
+    needed = needed_force(plant_parameters(rig()), values, motion)
+    assert needed == pytest.approx(-(2.0 * np.cos(w * time) + np.sin(w * time)), abs=1e-12)
