@@ -14,7 +14,7 @@ from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.estimates import effect_estimates
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.problem import FitProblem
-from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.refits import Refit, strained
 from msl_fem.diagnosis.search import SearchStage
 from msl_fem.diagnosis.unknowns import EffectUnknown
 from msl_fem.diagnosis.variants import Variant
@@ -320,12 +320,10 @@ def quietens(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
 
 
 def restores(before: Fit, after: Fit) -> bool:
-    """Whether one effect more brings believed parameters that lay beyond `TOLERANCES` of their own back to where they
-    are believed: what they made up for is no residual of any channel."""
+    """Whether one effect more brings believed parameters, one of which was `strained`, back to where they are believed:
+    what they made up for is no residual of any channel."""
     strayed, left = (fit.z[: len(fit.unknowns.believed)] for fit in (before, after))
-    if np.abs(strayed).max(initial=0.0) <= TOLERANCES:
-        return False
-    return _beyond_one(left) <= FINISHED * _beyond_one(strayed)
+    return strained(before) and _beyond_one(left) <= FINISHED * _beyond_one(strayed)
 
 
 def _beyond_one(z: Array) -> float:
