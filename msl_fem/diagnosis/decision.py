@@ -64,6 +64,8 @@ FAR_WITHIN = 0.5
 """Share of all that, up to which a refit that is not converged will not get there."""
 PROMISING = 0.25
 """Share of its gain that the next step of such a refit promises, with which it is followed nevertheless."""
+LEFT_OUT = 0.1
+"""Of what effects of many forms leave out, what one of a single form does at most."""
 WEAK = 0.03
 """Share of the largest gain before, below which what a further effect may come to decides whether it is followed."""
 STRONG = 25.0  # the square of a number of standard errors at which the rest of an effect counts by itself
@@ -95,10 +97,11 @@ class Rule:
     """Thresholds in nats, and how many effects are looked for.
 
     A further effect also has to bring `share` of what the first one brought: so much may come from what the first one's
-    equation leaves out. Not so of what coincides with a believed parameter: its tolerance bounds what it can bring,
-    however far it has left that; and not of what brings a channel down to noise in which much was left (`quietens`),
-    which no rest of a form does. `finished` is the share of the excess power that it may leave, where the fit before
-    was not quiet; `several` that of one of several, which have to leave noise alone in the end.
+    equation leaves out, and `LEFT_OUT` of that where it has one form (`Effect.one_form`). Not so of what coincides with
+    a believed parameter: its tolerance bounds what it can bring, however far it has left that; and not of what brings a
+    channel down to noise in which much was left (`quietens`), which no rest of a form does.
+    `finished` is the share of the excess power that it may leave, where the fit before was not quiet; `several` that of
+    one of several, which have to leave noise alone in the end.
     """
 
     threshold: float = 9.0
@@ -118,7 +121,10 @@ class Rule:
 
     def _further(self, stages: Sequence[SearchStage], *, by_itself: bool) -> float:
         first = stages[0].best
-        return self.further if by_itself or first is None else max(self.further, self.share * first.gain)
+        if by_itself or first is None:
+            return self.further
+        left_out = LEFT_OUT if CATALOGUE[first.variant.effect].one_form else 1.0
+        return max(self.further, left_out * self.share * first.gain)
 
     def enough(self, stages: Sequence[SearchStage], n: int, excesses: Excesses) -> bool:
         """Whether the best effect of stage n brings enough; without what it leaves it brings nothing down to noise."""

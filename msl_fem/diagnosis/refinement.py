@@ -67,6 +67,8 @@ NEARLY = 0.5
 MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
+HELD_UP = ("force_offset",)
+"""Effects that a mass makes up for where the magnets carry it."""
 NEAR = 15.0  # nats behind the best within which refits are converged
 LED = 1e-4  # of its gain that the one that leads may still gain, `ROUGH` at most
 ROUGHLY_CONVERGED = 0.5  # nats that a candidate may still gain which does not lead, or of which much more is asked
@@ -103,7 +105,7 @@ class Refinement:
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
         further, ended = self._screened(candidates)
-        kept, eliminated = _in_front([*further, *ended])
+        kept, eliminated = _in_front(self._held_up([*further, *ended]))
         let_go(eliminated)
         if self.lost:
             kept, behind = self._lost_from_small_amounts(kept)
@@ -151,6 +153,15 @@ class Refinement:
         if not (self.takes_all(best) or (self.of_part and self._takes_nearly_all(best))):
             farther = self._together(lambda one: self.from_small_amounts(one, least), farther)
         return _in_front([*begun, *farther])
+
+    def _held_up(self, refits: Sequence[Refit]) -> list[Refit]:
+        """All, those of forces that a weight makes up for begun once more at the belief, beside other effects that
+        leave noise and a parameter that is far off: what that costs is all they bring, and the way back is long."""
+        if not self.base.unknowns.effects or self.lost or not strained(self.base):
+            return list(refits)
+        if max(self.base.excess.values()) > QUIET:
+            return list(refits)
+        return [self.from_small_amounts(one) if one.variant.effect in HELD_UP else one for one in refits]
 
     def _made_up_for(self, refits: Sequence[Refit]) -> list[Refit]:
         """Of all, the leader first, those of effects that gains make up for which come further from small amounts. They

@@ -18,7 +18,7 @@ from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import QUIET, Fit
 from msl_fem.diagnosis.null import NullDistribution
-from msl_fem.diagnosis.refinement import AT_ONCE, MADE_UP, Refinement
+from msl_fem.diagnosis.refinement import AT_ONCE, HELD_UP, MADE_UP, Refinement
 from msl_fem.diagnosis.refits import BENT, LAST_STEPS, Refit, extended, objectives, strained
 from msl_fem.diagnosis.scores import AmountColumns, Score, ScoredVariants, scored
 from msl_fem.diagnosis.unknowns import EffectUnknown
@@ -41,8 +41,8 @@ AS_IT_IS = 0.25
 FAR_ABOVE = 40.0
 HOPELESS = 1 / 3  # of the nats that an effect needs, below which linear scores beside noise are taken at their word
 NEAR_END = 10.0  # nats that a fit without effects is from its end, where its columns are those of the end
-COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *MADE_UP)
-"""Effects that gap, scale, table and gains make up for nearly, so that at a strained fit a linear score misses them."""
+COMPENSATED = ("gap_offset", "early_saturation", "fringing", "armature_tilt", *HELD_UP, *MADE_UP)
+"""Effects that gap, scale, table, mass and gains make up for nearly: at a strained fit a linear score misses them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -200,6 +200,8 @@ def test_an_effect_beside_noise_alone_needs_a_share_of_the_first_one_s_nats() ->
     assert rule.needed(stages(50e3), offset, quiet) == rule.further
     assert rule.needed(stages(50e3), friction, {"x": 1.0, "i": 1.6}) == rule.further
     assert rule.needed(stages(1e3), friction, quiet) == rule.further
+    assert rule.needed(stages(50e3, first="coil_heating"), friction, quiet) == rule.further, "heat has one form"
+    assert rule.needed(stages(200e3, first="coil_heating"), friction, quiet) == pytest.approx(60.0)
 
 
 def candidate(effect: str, gain: float, loud: float) -> Any:

@@ -559,3 +559,28 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     gains = [(one.variant.effect, one.gain) for one in found]
     first, last = ("remanent_flux", 5000.0 if begins else 10.0), ("stiffness_nonlinearity", 1000.0)
     assert gains == ([first, last] if begins else [last, first])
+
+
+@pytest.mark.parametrize(
+    ("effect", "moved", "left", "behind", "begins"),
+    [
+        ("force_offset", 2 * SANE, 1.05, True, True),
+        ("stiffness_nonlinearity", 2 * SANE, 1.05, True, False),
+        ("force_offset", 3.9, 1.05, True, False),
+        ("force_offset", 2 * SANE, 2.0, True, False),
+        ("force_offset", 2 * SANE, 1.05, False, False),
+    ],
+    ids=["held up", "another effect", "not far off", "more than noise is left", "a first effect"],
+)
+def test_a_force_that_a_weight_makes_up_for_begins_at_the_belief_beside_others_that_leave_noise(
+    monkeypatch, effect: str, moved: float, left: float, behind: bool, begins: bool
+) -> None:
+    base = base_at([moved, 0.0])
+    unknowns = replace(UNKNOWNS, effects=CUBIC.unknowns if behind else ())
+    race = refinement([moved, 0.0])
+    race.base = replace(base, unknowns=unknowns)
+    monkeypatch.setattr(Amounts, "excess", lambda self, found: {"position_m": left})
+    monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, one: replace(one, gain=108.0))
+    one = replace(candidate([moved, 9.0, 5.0], -4.5, Amounts()), variant=Variant(effect, CUBIC.amounts))
+    [found] = race._held_up([one])
+    assert found.gain == (108.0 if begins else -4.5)

@@ -183,6 +183,7 @@ ELECTRICAL = (
         static=NOT_AT_REST,
         advice="let the coils reach their temperature before a run, or measure their temperature",
         sets=(("rise_per_joule",), ("rise_per_joule", "initial_rise")),
+        one_form=True,
     ),
     Effect(
         name="amplifier_bandwidth",

@@ -162,6 +162,7 @@ MAGNETIC = (
         advice="measure the gap at rest with feeler gauges; look for a glue line, a parting joint, a wrong zero",
         sets=(("offset",), ("centring",)),
         separating="a map down to half the smallest gap: an offset grows there as 1/gap, a scale does not",
+        one_form=True,
     ),
     Effect(
         name="early_saturation",
@@ -257,6 +258,7 @@ MAGNETIC = (
         advice="check turns and stack depth; where the depth grows with the gap, make the table with end effects",
         sets=(("growth",), ("depth_error",), ("turns_error",), ("growth", "depth_error")),
         separating="a map out to twice the largest gap, where the depth's growth is largest and an offset fades",
+        one_form=True,
     ),
     Effect(
         name="magnetic_hysteresis",
@@ -404,6 +406,7 @@ MAGNETIC = (
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="separate the sides' flux: a thicker armature, other polarity; or keep it in the model",
         deviation_of={"mutual_inductance": 0.1},
+        one_form=True,
     ),
     Effect(
         name="armature_tilt",
@@ -432,5 +435,6 @@ MAGNETIC = (
         static=Part(("gap_variance",)),
         advice="measure the gap at the corners; shim the armature or the magnets until the faces are parallel",
         separating="a map down to half the smallest gap, where a tilt grows as the square of 1/gap",
+        one_form=True,
     ),
 )

@@ -189,6 +189,7 @@ MECHANICAL = (
         static=NOT_AT_REST,
         advice="measure force over travel with weights; longer leaves, or leaves that may draw in",
         sets=(("cubic",), ("quadratic",), ("cubic", "quadratic")),
+        one_form=True,
     ),
     Effect(
         name="coulomb_friction",
@@ -282,6 +283,7 @@ MECHANICAL = (
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
         advice="open the gap at the nearest point, drill the faces, or keep it in the model",
+        one_form=True,
     ),
     Effect(
         name="structural_mode",
@@ -320,6 +322,7 @@ MECHANICAL = (
         deviation_of={"position_sensor_crosstalk": 0.02},
         steps=FINE,
         turns="frequency",
+        one_form=True,
     ),
     Effect(
         name="flexure_relaxation",
@@ -380,6 +383,7 @@ MECHANICAL = (
         static=Part(("force",)),
         advice="check gravity along the axis, cables, the rest position",
         deviation_of={"early_saturation": 0.05},
+        one_form=True,
     ),
     Effect(
         name="support_compliance",

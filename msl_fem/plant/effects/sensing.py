@@ -88,6 +88,7 @@ SENSING = (
             ("quadratic", "cubic"),
             ("gain_error", "quadratic", "cubic"),
         ),
+        one_form=True,
     ),
     Effect(
         name="position_sensor_lag",
@@ -124,6 +125,7 @@ SENSING = (
         inverse=Part(("lag",)),
         static=NOT_AT_REST,
         advice="check filters and averaging of the position channel",
+        one_form=True,
     ),
     Effect(
         name="position_sensor_crosstalk",
@@ -170,6 +172,7 @@ SENSING = (
         advice="lock the mover and drive the coils: what the position then reads is this; screen or move the sensor",
         sets=(("per_current_1", "per_current_2"), ("per_current_1",), ("per_current_2",)),
         deviation_of={"eddy_currents": 0.02},
+        one_form=True,
     ),
     Effect(
         name="time_delay",
@@ -236,6 +239,7 @@ SENSING = (
             ("position_cosine", "position_sine"),
             ("current_cosine", "current_sine"),
         ),
+        one_form=True,
     ),
     Effect(
         name="sensor_drift",
@@ -261,5 +265,6 @@ SENSING = (
         ),
         wanders="position_m",
         deviation_of={"magnetic_hysteresis": 0.14},
+        one_form=True,
     ),
 )

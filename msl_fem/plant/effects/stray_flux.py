@@ -72,6 +72,7 @@ STRAY_FLUX = (
         inverse=NO_MAGNETS,
         static=Part(declined="it takes two sides, a static map is of one magnet"),
         advice="solve both sides together (solve --current-2) and hold what follows against this; --polarity aiding",
+        one_form=True,
     ),
     Effect(
         name="remanent_flux",

@@ -59,5 +59,6 @@ THERMAL = (
         static=NOT_AT_REST,
         advice="measure the coils' resistance before and after a run; wait until they are as warm as the core",
         sets=(("rise_1", "rise_2"), ("rise_1", "rise_2", "core_rise"), ("rise_1",)),
+        one_form=True,
     ),
 )
