@@ -206,7 +206,7 @@ class Effect:
     deviation_of : effects from whose form a real one deviates as if a little of this one were there, and the share of
         what they bring up to which it is no cause of its own
     one_form : whether its equation is next to all there is of it, so that a real one leaves no rest for another cause;
-        not so of loops, diffusion, knees, slip and stops, of which there are as many forms as rigs
+        not so of loops, diffusion, knees, slip, stops and wander, of which there are as many forms as rigs
     steps : times as many a sample as do where a current loop is known in closed form, that it wants; `FINE`: those by
         which such a loop is integrated, since it changes when the loop's target comes, or moves as fast
     coarse : amounts that do without more

@@ -265,6 +265,5 @@ SENSING = (
         ),
         wanders="position_m",
         deviation_of={"magnetic_hysteresis": 0.14},
-        one_form=True,
     ),
 )
