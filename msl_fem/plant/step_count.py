@@ -148,7 +148,9 @@ def default_substeps(
     within 1e-6. A sample in which the voltage limit begins or ceases to act can leave 1e-4 of full scale in its current
     and voltage, see `step.py`; the current loop forgets it. `commands` (n_sample, n_side) are those of a voltage drive.
 
-    A current loop that at most 12 steps resolve is resolved; a faster one is taken in closed form.
+    A current loop that at most 12 steps resolve is resolved; a faster one is taken in closed form. That holds for
+    commands that change between steps: one that comes late, and changes within a step, has a loop that 50 steps resolve
+    resolved, or else integrated by as many as it takes; beyond 50 currents err by some per cent of the change.
 
     Raises
     ------
@@ -163,6 +165,9 @@ def default_substeps(
     if plant.drive != CURRENT_DRIVE or not math.isfinite(plant.bandwidth):
         return steps
     resolved = math.ceil(plant.bandwidth / (rate * largest_step) - 1e-9)
+    if effects is not None and effects.get("time_delay", "command") > 0:
+        integrated = math.floor(plant.bandwidth / (rate * FAST)) + 1
+        return max(steps, next((few for few in (resolved, integrated) if few <= MANY_STEPS), steps))
     fast = plant.bandwidth / (rate * steps) > FAST
     return steps if fast and resolved > _FEW_STEPS else max(steps, resolved)
 

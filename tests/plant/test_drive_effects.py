@@ -12,7 +12,9 @@ from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
 from msl_fem.plant.effects.mechanisms import fall_stages
 from msl_fem.plant.excitation import Inputs
+from msl_fem.plant.plant import plant_parameters
 from msl_fem.plant.simulate import Options, simulate
+from msl_fem.plant.step_count import default_substeps
 from msl_fem.table.magnetic_table import MagneticTable
 
 FINE = Options(substeps=64)
@@ -158,6 +160,24 @@ def test_a_voltage_limit_holds_before_and_behind_a_jump_within_a_step(
     free = simulate(changed(bench, drive={"voltage_limit": None}), table, Inputs(fine, 2.5e6))
     assert np.abs(exact.current - free.current).max() > 0.4
     assert late.current == pytest.approx(exact.current[::250], abs=5e-5)
+
+
+@pytest.mark.parametrize(("limit", "error"), [(None, 1e-6), (12.0, 5e-4)])
+def test_a_late_command_of_a_slow_controller_has_the_steps_it_takes(
+    servo: Actuator, table: MagneticTable, limit: float | None, error: float
+) -> None:
+    """In closed form the loop is right for commands that change between steps: in one step a sample the currents were
+    off by some per cent of the change, and with a voltage limit by what that changes. Beyond 50 steps it stays so."""
+    bench = changed(locked(servo), drive={"bandwidth": 1e3, "voltage_limit": limit})
+    commands = np.repeat([[0.5, 0.5], [0.9, 0.2], [0.3, 0.7]], 4, axis=0)
+    values = EffectValues({"time_delay": {"command": 1.37e-4}})
+    late = simulate(bench, table, Inputs(commands, 2.5e3), effects=values)
+    fine = np.vstack([np.zeros((137, 2)), np.repeat(commands, 400, axis=0)])[:4800]
+    exact = simulate(bench, table, Inputs(fine, 1e6))
+    assert late.current == pytest.approx(exact.current[::400], abs=error)
+    faster = plant_parameters(changed(bench, drive={"bandwidth": 2e4}))
+    few = default_substeps(faster, table, rate=2.5e3)
+    assert default_substeps(faster, table, rate=2.5e3, effects=values) == few < 10
 
 
 def test_an_ideal_voltage_drive_is_delayed_too(servo: Actuator, table: MagneticTable) -> None:
