@@ -264,7 +264,8 @@ def beyond_tolerances(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
 def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
     """A stage without refits that are not what their names say: second resonances that have no mass, or lie where a
-    record shows next to nothing, and drive limits beyond which next to nothing is lost."""
+    record shows next to nothing, drive limits beyond which next to nothing is lost, and heatings of coils that begin
+    warm and nothing heats, which have a history."""
 
     def counts(refit: Refit) -> bool:
         effect = refit.variant.effect
@@ -272,6 +273,9 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
             mode = effect_estimates(refit.fit)[effect]
             heavy = "mass_share" in mode and mode["mass_share"].value >= LEAST_SHARE
             return heavy and mode["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
+        if effect == "coil_heating":
+            heating = effect_estimates(refit.fit)[effect]
+            return not {"rise_per_joule", "initial_rise"} <= heating.keys() or heating["rise_per_joule"].low > 0
         return effect != "drive_limit" or effect_estimates(refit.fit)[effect]["lost_share"].value >= LEAST_LOST
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))

@@ -516,6 +516,25 @@ def test_a_mode_without_mass_or_out_of_sight_is_no_cause(
     assert found.best is (refit if kept else other)
 
 
+@pytest.mark.parametrize(
+    ("heating", "kept"),
+    [({"rise_per_joule": 1e-4, "initial_rise": 0.1}, True), ({"rise_per_joule": 0.0, "initial_rise": 0.1}, False),
+     ({"rise_per_joule": 0.0}, True), ({"initial_rise": 0.1}, True)],
+    ids=["heated", "warm", "its heat alone", "its begin alone"],
+)  # fmt: skip
+def test_a_coil_that_begins_warm_and_nothing_heats_has_a_history(
+    heating: dict[str, float], kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which makes the same of its resistance."""
+    told = {name: SimpleNamespace(value=low, low=low) for name, low in heating.items()}
+    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {"coil_heating": told})
+    refit: Any = Refit(SimpleNamespace(effect="coil_heating"), None, 33_108.0)  # type: ignore[arg-type]
+    other: Any = Refit(SimpleNamespace(effect="thermal_history"), None, 33_097.0)  # type: ignore[arg-type]
+    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
+    problem: Any = SimpleNamespace()
+    assert in_sight(problem, stage).best is (refit if kept else other)
+
+
 @pytest.mark.parametrize(("lost", "kept"), [(0.13, True), (1e-3, False)])
 def test_a_limit_beyond_which_next_to_nothing_is_lost_is_none(
     lost: float, kept: bool, monkeypatch: pytest.MonkeyPatch
