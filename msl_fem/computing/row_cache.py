@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from msl_fem.computing.arrays import Array
+from msl_fem.computing.interrupts import interrupts_held_back
 from msl_fem.files.whole_file import cannot_be_written, whole_file
 
 Arrays = dict[str, Array]
@@ -41,8 +42,10 @@ class RowCache:
             return None
 
     def put(self, key: str, row: Arrays) -> None:
-        """Store a row; raises InputError where the folder cannot be written."""
-        with whole_file(self.folder / f"{key}.npz") as partial, partial.open("wb") as stream:
+        """Store a row; raises InputError where the folder cannot be written. An interrupt is answered behind it: an
+        archive that is left half open tells so in a traceback."""
+        file = self.folder / f"{key}.npz"
+        with interrupts_held_back(), whole_file(file) as partial, partial.open("wb") as stream:
             np.savez(stream, **row)  # type: ignore[arg-type]
 
     def clear(self) -> None:

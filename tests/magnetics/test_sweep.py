@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import signal
 
 import numpy as np
 import pytest
@@ -216,6 +217,28 @@ def test_folder_that_cannot_hold_rows_is_said_before_the_work(e1, tmp_path, monk
     with pytest.raises(InputError, match="cannot be written"):
         sweep(e1, *SMALL, settings=dataclasses.replace(FAST, cache=tmp_path / "file" / "rows"))
     assert begun == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_within_a_row_is_answered_behind_it(number, tmp_path, monkeypatch):
+    """Within, the archive would stay half open, and its end tell so in a traceback."""
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    def interrupted(stream, **row):
+        signal.raise_signal(number)
+        saved(stream, **row)
+
+    saved, before = np.savez, signal.signal(number, interrupt)
+    monkeypatch.setattr(np, "savez", interrupted)
+    cache = RowCache(tmp_path / "rows")
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            cache.put("a", {"force": np.array([1.0, 2.0])})
+    finally:
+        signal.signal(number, before)
+    assert (cache.get("a") or {})["force"].tolist() == [1.0, 2.0]
 
 
 def test_cache_is_cleared_without_touching_strangers(tmp_path):
