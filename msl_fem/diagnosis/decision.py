@@ -269,14 +269,15 @@ def in_sight(problem: FitProblem, stage: SearchStage) -> SearchStage:
 
     def counts(refit: Refit) -> bool:
         effect = refit.variant.effect
+        if effect not in {"structural_mode", "coil_heating", "drive_limit"}:
+            return True
+        told = effect_estimates(refit.fit)[effect]
         if effect == "structural_mode":
-            mode = effect_estimates(refit.fit)[effect]
-            heavy = "mass_share" in mode and mode["mass_share"].value >= LEAST_SHARE
-            return heavy and mode["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
+            heavy = "mass_share" in told and told["mass_share"].value >= LEAST_SHARE
+            return heavy and told["frequency"].value <= HIGHEST_MODE * problem.plant.rate / 2
         if effect == "coil_heating":
-            heating = effect_estimates(refit.fit)[effect]
-            return not {"rise_per_joule", "initial_rise"} <= heating.keys() or heating["rise_per_joule"].low > 0
-        return effect != "drive_limit" or effect_estimates(refit.fit)[effect]["lost_share"].value >= LEAST_LOST
+            return not {"rise_per_joule", "initial_rise"} <= told.keys() or told["rise_per_joule"].low > 0
+        return told["lost_share"].value >= LEAST_LOST
 
     return replace(stage, refits=tuple(filter(counts, stage.refits)))
 

@@ -157,9 +157,8 @@ class Refinement:
     def _held_up(self, refits: Sequence[Refit]) -> list[Refit]:
         """All, those of forces that a weight makes up for begun once more at the belief, beside other effects that
         leave noise and a parameter that is far off: what that costs is all they bring, and the way back is long."""
-        if not self.base.unknowns.effects or self.lost or not strained(self.base):
-            return list(refits)
-        if max(self.base.excess.values()) > QUIET:
+        behind = self.base.unknowns.effects and not self.lost and strained(self.base)
+        if not behind or max(self.base.excess.values()) > QUIET:
             return list(refits)
         return [self.from_small_amounts(one) if one.variant.effect in HELD_UP else one for one in refits]
 

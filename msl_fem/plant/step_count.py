@@ -150,7 +150,7 @@ def default_substeps(
 
     A current loop that at most 12 steps resolve is resolved; a faster one is taken in closed form. That holds for
     commands that change between steps: one that comes late, and changes within a step, has a loop that 50 steps resolve
-    resolved, or else integrated by as many as it takes; beyond 50 currents err by up to some per cent of it.
+    resolved, or else integrated by as many as it takes; beyond 50 currents err by up to some per cent of the change.
 
     Raises
     ------

@@ -500,6 +500,18 @@ def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None
     assert main_cause(replace(found, excesses=(LOUDER, {"x": 8.0, "i": 1.0})), [False]) is None
 
 
+def is_in_sight(effect: str, told: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether a stage keeps a refit of such estimates; else the one behind it is its best."""
+    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {effect: told})
+    refit: Any = Refit(SimpleNamespace(effect=effect), None, 60_000.0)  # type: ignore[arg-type]
+    other: Any = Refit(SimpleNamespace(effect="time_delay"), None, 34_000.0)  # type: ignore[arg-type]
+    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
+    problem: Any = SimpleNamespace(plant=SimpleNamespace(rate=1e4))
+    best = in_sight(problem, stage).best
+    assert best in (refit, other)
+    return best is refit
+
+
 @pytest.mark.parametrize(
     ("share", "frequency", "kept"), [(0.01, 900.0, True), (0.01, 4500.0, False), (1e-7, 900.0, False)]
 )
@@ -507,13 +519,7 @@ def test_a_mode_without_mass_or_out_of_sight_is_no_cause(
     share: float, frequency: float, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mode = {"mass_share": SimpleNamespace(value=share), "frequency": SimpleNamespace(value=frequency)}
-    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {"structural_mode": mode})
-    refit: Any = Refit(SimpleNamespace(effect="structural_mode"), None, 60_000.0)  # type: ignore[arg-type]
-    other: Any = Refit(SimpleNamespace(effect="time_delay"), None, 34_000.0)  # type: ignore[arg-type]
-    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
-    problem: Any = SimpleNamespace(plant=SimpleNamespace(rate=1e4))
-    found = in_sight(problem, stage)
-    assert found.best is (refit if kept else other)
+    assert is_in_sight("structural_mode", mode, monkeypatch) is kept
 
 
 @pytest.mark.parametrize(
@@ -527,12 +533,7 @@ def test_a_coil_that_begins_warm_and_nothing_heats_has_a_history(
 ) -> None:
     """Which makes the same of its resistance."""
     told = {name: SimpleNamespace(value=low, low=low) for name, low in heating.items()}
-    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {"coil_heating": told})
-    refit: Any = Refit(SimpleNamespace(effect="coil_heating"), None, 33_108.0)  # type: ignore[arg-type]
-    other: Any = Refit(SimpleNamespace(effect="thermal_history"), None, 33_097.0)  # type: ignore[arg-type]
-    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
-    problem: Any = SimpleNamespace()
-    assert in_sight(problem, stage).best is (refit if kept else other)
+    assert is_in_sight("coil_heating", told, monkeypatch) is kept
 
 
 @pytest.mark.parametrize(("lost", "kept"), [(0.13, True), (1e-3, False)])
@@ -540,12 +541,7 @@ def test_a_limit_beyond_which_next_to_nothing_is_lost_is_none(
     lost: float, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limit = {"lost_share": SimpleNamespace(value=lost), "limit": SimpleNamespace(value=8.0)}
-    monkeypatch.setattr(decision, "effect_estimates", lambda fit: {"drive_limit": limit})
-    refit: Any = Refit(SimpleNamespace(effect="drive_limit"), None, 32.0)  # type: ignore[arg-type]
-    other: Any = Refit(SimpleNamespace(effect="fringing"), None, 3.0)  # type: ignore[arg-type]
-    stage = SearchStage(None, (), (refit, other))  # type: ignore[arg-type]
-    problem: Any = SimpleNamespace()
-    assert in_sight(problem, stage).best is (refit if kept else other)
+    assert is_in_sight("drive_limit", limit, monkeypatch) is kept
 
 
 def test_a_refit_whose_next_step_promises_much_is_not_given_up_for_a_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
