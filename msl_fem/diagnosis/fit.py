@@ -63,8 +63,9 @@ COOLING = 10.0
 CARRIED = 1e-2, 1e2
 """Damping, least and most, with which a round goes on after another one in a fit that began with a heat; in others it
 is one at most, since a kink that has raised it may be behind the new starts."""
-STUCK = 2
-"""Trials at least, none of which leads down, behind which a fit is stuck."""
+STUCK = 3
+"""Trials at least, none of which leads down, behind which a fit is stuck: in a narrow valley the first few do not, and
+with more damping it goes on."""
 SANE = 20.0
 """Tolerances beyond which no number of a model without effects is what it says: a cause is missing."""
 SHORT_WAY = 2

@@ -67,6 +67,9 @@ NEARLY = 0.5
 MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
+HIDDEN = 30.0
+"""Nats above white noise as loud as the instruments show it, with which a leader whose residuals are no larger than
+noise may stand in for such an effect all the same."""
 HELD_UP = ("force_offset",)
 """Effects that a mass makes up for where the magnets carry it."""
 NEAR = 15.0  # nats behind the best within which refits are converged
@@ -164,16 +167,20 @@ class Refinement:
 
     def _made_up_for(self, refits: Sequence[Refit]) -> list[Refit]:
         """Of all, the leader first, those of effects that gains make up for which come further from small amounts. They
-        are begun there where a believed parameter is bent and the leader leaves more than noise."""
+        are begun there where the leader may stand in for them."""
         bent = [refit for refit in refits if refit.variant.effect in MADE_UP]
-        if not bent or self.lost or self.base.unknowns.effects or not strained(self.base, BENT):
-            return []
-        if leaves_noise(refits[0]):
+        if not bent or not self._stands_in(refits[0]):
             return []
         self.tell(f"once more with small amounts and all else as believed: {', '.join(effects_among(bent))}")
         far = ELIMINATED * refits[0].gain
         begun = [self.from_small_amounts(refit, far, by_itself=True) for refit in bent]
         return [after for before, after in zip(bent, begun, strict=True) if after is not before]
+
+    def _stands_in(self, leader: Refit) -> bool:
+        """Whether a leader beside bent parameters leaves more than noise, by its residuals' size or by its nats."""
+        if self.lost or self.base.unknowns.effects or not strained(self.base, BENT):
+            return False
+        return not leaves_noise(leader) or leader.fit.objective - leader.fit.nats_of_noise >= HIDDEN
 
     def over_all(self, refit: Refit) -> Refit:
         """One that was fitted over a part of the record alone, over all of it if that can be simulated."""
@@ -232,14 +239,14 @@ class Refinement:
     def _screened(self, candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
         """Candidates that were screened, and those that ended after a first look. Where one of those in `FRONT` by
         their linear scores leaves nearly noise alone, and bends no believed parameter, the others have nothing to come
-        to."""
+        to but those of effects that gains make up for, for which it may stand in."""
         most = max((score.gain for score in candidates), default=0.0)
         every = self.lost or max(self.base.excess.values()) <= QUIET
         front = [score for score in candidates if every or score.gain >= FRONT * most]
         behind = [score for score in candidates if score not in front]
         further, ended = self._screened_beside([], front)
-        if further and self.takes_all(min(further, key=by_gain)):
-            return further, ended
+        if further and self.takes_all(best := min(further, key=by_gain)):
+            behind = [score for score in behind if score.variant.effect in MADE_UP and self._stands_in(best)]
         more, also = self._screened_beside(further, behind)
         return [*further, *more], [*ended, *also]
 

@@ -136,7 +136,10 @@ class Runs(Kind):
         cut_anew = replace(problem, stretches=tuple(cuts))
         likelihood, unknowns = _likelihood(cut_anew, self.unknowns, static, alike=self._in_coarse_steps)
         plan = FitPlan(enough=ROUGH_BEGINNING, heats=False, tell=tell)
-        found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=plan)
+        try:
+            found = fit(likelihood, unknowns, np.zeros(unknowns.size), plan=plan)
+        except ComputationError:  # a linear model has moved a start to where the model leaves its table
+            return None
         if found.sane is not None or (beyond_sanity(unknowns, found.z) and found.predicted > ROUGH_BEGINNING):
             return None
         renewed = self.renewed(found)

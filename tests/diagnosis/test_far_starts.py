@@ -20,6 +20,7 @@ from msl_fem.diagnosis.runs import Runs
 from msl_fem.diagnosis.scores import ScoredVariants
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
+from msl_fem.errors import ComputationError
 
 CUBIC = Variant("stiffness_nonlinearity", (EffectUnknown("stiffness_nonlinearity", "cubic"),))
 UNKNOWNS = Unknowns((("coil_resistance", 0.01), ("position_gain", 0.002)), 0, ())
@@ -120,6 +121,21 @@ def test_a_fit_goes_on_where_one_has_ended_with_what_that_knows() -> None:
     assert any(np.array_equal(z[:2], begun.z) for z in record.visited)
     assert np.array_equal(on.z, anew.z)
     assert on.objective < begun.objective
+
+
+@pytest.mark.parametrize(("steps", "stuck"), [(2, False), (4, True)])
+def test_a_first_look_does_not_tell_that_a_fit_is_stuck(steps: int, stuck: bool) -> None:
+    """In a narrow valley the first few trials lead up, and with more damping it goes on."""
+    record = CutRecord(np.full(400, 3.0), strong=1.0)
+    plain = record.spectra_and_starts
+
+    def walled(points: Points) -> tuple[np.ndarray, tuple[()], float]:
+        numbers, starts, far_from_them = plain(points)
+        beyond = np.any(points.rows[:, :2] > 1e-2, axis=1, keepdims=True)
+        return np.where(beyond, 1e3, numbers), starts, far_from_them
+
+    object.__setattr__(record, "spectra_and_starts", walled)
+    assert fit(record, UNKNOWNS, np.zeros(2), plan=FitPlan(most_steps=steps)).stuck is stuck  # type: ignore[arg-type]
 
 
 def test_columns_of_the_very_point_where_a_round_ended_are_kept_for_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -271,6 +287,12 @@ def test_a_beginning_that_is_at_no_end_beyond_sanity_leads_nowhere(
     likelihood = SimpleNamespace(problem=Problem(), substeps=1)
     kind = Runs(None, likelihood, UNKNOWNS, (), None, (), "a record")  # type: ignore[arg-type]
     assert kind.begun(str) == ("chosen anew" if renews else None)
+
+    def fails(*one: object, **more: object) -> None:
+        raise ComputationError("the simulation fails at the start of the fit")
+
+    monkeypatch.setattr(runs, "fit", fails)
+    assert kind.begun(str) is None, "a start may lie where the model leaves its table"
 
 
 def candidate(z: list[float], gain: float, likelihood: object) -> Refit:
@@ -536,13 +558,23 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("left", "moved", "begins"), [(2.0, 2 * SANE, True), (2.0, 3.4, True), (1.05, 2 * SANE, False), (2.0, 2.0, False)]
+    ("left", "nats", "moved", "begins"),
+    [
+        (2.0, 0.0, 2 * SANE, True),
+        (2.0, 0.0, 3.4, True),
+        (1.05, 20.0, 2 * SANE, False),
+        (1.05, 93.0, 2 * SANE, True),
+        (1.05, 93.0, 2.0, False),
+        (2.0, 0.0, 2.0, False),
+    ],
 )
 def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_noise(
-    monkeypatch, left: float, moved: float, begins: bool
+    monkeypatch, left: float, nats: float, moved: float, begins: bool
 ) -> None:
-    """And a believed parameter has moved by 2.5 tolerances. It had been eliminated, and leads in the end."""
-    leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(excess=lambda fit: {"x": left}, is_cut=False))
+    """By its size or by its nats, and a believed parameter has moved by 2.5 tolerances. It had been eliminated, and
+    leads in the end."""
+    told = {"excess": lambda fit: {"x": left}, "nats_of_noise": lambda *one: -1000.0 - nats}
+    leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(is_cut=False, **told))
     kept = Variant("remanent_flux", CUBIC.amounts)
     screened = iter([leader, replace(candidate([moved, 9.0, 5.0], 10.0, Amounts()), variant=kept)])
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
