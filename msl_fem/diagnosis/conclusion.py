@@ -19,7 +19,6 @@ from msl_fem.diagnosis.decision import (
     gauges,
     share_left,
     too_much_left,
-    white,
 )
 from msl_fem.diagnosis.estimates import believed_estimates, effect_estimates
 from msl_fem.diagnosis.kind import (
@@ -31,7 +30,7 @@ from msl_fem.diagnosis.kind import (
     on_common_ground,
     worse_than_belief,
 )
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.outside import EXPLAINED, WORTH_NAMING, Dependence, named_dependence
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.result import (

@@ -12,7 +12,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.estimates import effect_estimates
-from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit, white
 from msl_fem.diagnosis.problem import FitProblem
 from msl_fem.diagnosis.refits import Refit, strained
 from msl_fem.diagnosis.search import SearchStage
@@ -200,10 +200,6 @@ def too_much_left(effects: Sequence[str], excesses: Excesses) -> str:
         return ""
     power = f"{100 * left:.3g} % of the excess power is left"
     return f"nearest in the catalogue: {', '.join(effects)}; not named, since {power}"
-
-
-def white(excess: Mapping[str, float]) -> bool:
-    return max(excess.values(), default=0.0) <= QUIET
 
 
 def stays_within(problem: FitProblem, refit: Refit) -> bool:

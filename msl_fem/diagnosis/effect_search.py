@@ -22,13 +22,12 @@ from msl_fem.diagnosis.decision import (
     n_accepted,
     of_its_own,
     stays_within,
-    white,
 )
 from msl_fem.diagnosis.exchange import Exchange
 from msl_fem.diagnosis.fit import STEPS_A_ROUND, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import fit_name
 from msl_fem.diagnosis.kind import Kind, about_belief
-from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.likelihood import QUIET, Fit, white
 from msl_fem.diagnosis.refinement import NEARLY, Refinement
 from msl_fem.diagnosis.refits import ROUGH, Refit
 from msl_fem.diagnosis.search import SearchStage, search_stage

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from msl_fem.diagnosis.fit import FitPlan, fit, fit_there
 from msl_fem.diagnosis.fit_memory import FitMemory
-from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Fit, Likelihood, white
 from msl_fem.diagnosis.refinement import Refinement
 from msl_fem.diagnosis.refits import LAST_STEPS, ROUGH, Refit, let_go
 from msl_fem.diagnosis.scores import Score
@@ -54,7 +54,7 @@ def _there(found: Fit, likelihood: Likelihood, numbers: NDArray[np.bool_]) -> Fi
 def in_first_part(found: Fit) -> Fit | None:
     """A fit over the first part of a long record, where it is; None where that does not tell causes apart."""
     whole = found.likelihood
-    if not (whole.is_cut and whole.is_long) or max(found.excess.values()) <= QUIET:
+    if not (whole.is_cut and whole.is_long) or white(found.excess):
         return None
     likelihood, numbers = whole.first_part()
     if found.objective - found.nats_of_noise < PLENTY * found.residual.size / np.count_nonzero(numbers):

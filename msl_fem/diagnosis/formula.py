@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from msl_fem.computing.laws import LawExpression, expression
-from msl_fem.diagnosis.decision import WORSE, excess_power, white
+from msl_fem.diagnosis.decision import WORSE, excess_power
 from msl_fem.diagnosis.estimates import Estimate, effect_estimates
 from msl_fem.diagnosis.formula_search import EXPLAINED, LEAST, ChosenTerms, chosen_terms
 from msl_fem.diagnosis.kind import ErrorSignal, Kind, held_out_gains, held_out_worse
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.plant.effects import EffectValues, declare, declared
 from msl_fem.plant.effects.expressions import DECLARED

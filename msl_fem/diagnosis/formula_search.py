@@ -14,11 +14,11 @@ from functools import partial
 import numpy as np
 
 from msl_fem.computing.laws import LawExpression
-from msl_fem.diagnosis.decision import BY_CHANCE, completes, excess_power, white
+from msl_fem.diagnosis.decision import BY_CHANCE, completes, excess_power
 from msl_fem.diagnosis.first_part import in_first_part
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.formula_terms import law_sizes, library
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.refinement import Refinement

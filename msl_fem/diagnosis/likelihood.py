@@ -4,7 +4,7 @@ A run is followed from its start to its end, or over stretches with free starts 
 residual beside the starts is what counts. The colour of the noise is estimated together with the fit (`noise`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -63,6 +63,11 @@ def over_chance(residual: Array) -> float:
     """RMS of a few numbers of unit sigma over what chance makes of so many: 1 and two standard errors of an RMS of n
     numbers, 1/sqrt(2 n) each."""
     return float(np.sqrt(np.mean(residual**2)) / (1.0 + 2.0 / np.sqrt(2.0 * residual.size)))
+
+
+def white(excess: Mapping[str, float]) -> bool:
+    """Whether what is left over the noise, by channel, is noise everywhere."""
+    return max(excess.values(), default=0.0) <= QUIET
 
 
 def jacobian_columns(

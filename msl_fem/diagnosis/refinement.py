@@ -15,7 +15,7 @@ from msl_fem.computing.arrays import Array, Slopes
 from msl_fem.diagnosis.fit import FIRST_LOOK, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
-from msl_fem.diagnosis.likelihood import CONVERGED, QUIET, Fit, Likelihood, first_columns
+from msl_fem.diagnosis.likelihood import CONVERGED, Fit, Likelihood, first_columns, white
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refits import (
     BENT,
@@ -161,7 +161,7 @@ class Refinement:
         """All, those of forces that a weight makes up for begun once more at the belief, beside other effects that
         leave noise and a parameter that is far off: what that costs is all they bring, and the way back is long."""
         behind = self.base.unknowns.effects and not self.lost and strained(self.base)
-        if not behind or max(self.base.excess.values()) > QUIET:
+        if not behind or not white(self.base.excess):
             return list(refits)
         return [self.from_small_amounts(one) if one.variant.effect in HELD_UP else one for one in refits]
 
@@ -241,7 +241,7 @@ class Refinement:
         their linear scores leaves nearly noise alone, and bends no believed parameter, the others have nothing to come
         to but those of effects that gains make up for, for which it may stand in."""
         most = max((score.gain for score in candidates), default=0.0)
-        every = self.lost or max(self.base.excess.values()) <= QUIET
+        every = self.lost or white(self.base.excess)
         front = [score for score in candidates if every or score.gain >= FRONT * most]
         behind = [score for score in candidates if score not in front]
         further, ended = self._screened_beside([], front)

@@ -7,7 +7,7 @@ import numpy as np
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.fit import TINY
-from msl_fem.diagnosis.likelihood import QUIET, Fit, Likelihood
+from msl_fem.diagnosis.likelihood import Fit, Likelihood, white
 from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.scores import Score
 from msl_fem.diagnosis.unknowns import Unknowns
@@ -116,7 +116,7 @@ def strained(found: Fit, tolerances: float = STRAINED) -> bool:
 
 
 def leaves_noise(refit: Refit) -> bool:
-    return max(refit.fit.excess.values()) <= QUIET
+    return white(refit.fit.excess)
 
 
 def effects_among(refits: Sequence[Refit]) -> list[str]:

@@ -16,7 +16,7 @@ from msl_fem.diagnosis.first_part import best_first
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import gathered_here, in_gatherings
-from msl_fem.diagnosis.likelihood import QUIET, Fit
+from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refinement import AT_ONCE, HELD_UP, MADE_UP, Refinement
 from msl_fem.diagnosis.refits import BENT, LAST_STEPS, Refit, extended, objectives, strained
@@ -86,7 +86,7 @@ def search_stage(
     of a stage before, `near`, tell which effects are, and these go no further, unless parameters are bent. Where more
     than noise is left they tell which are scored exactly. Refits that will not count are not led to their ends."""
     tell("all effects")
-    quiet = max(start.excess.values()) <= QUIET
+    quiet = white(start.excess)
     base = converged_base(start) if quiet else start
 
     def worth(score: Score) -> bool:

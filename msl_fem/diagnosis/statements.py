@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from msl_fem.diagnosis.decision import QUIET, TIE
+from msl_fem.diagnosis.decision import TIE
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import Kind
-from msl_fem.diagnosis.likelihood import Fit
+from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.refits import CATCHING_UP
 from msl_fem.errors import ComputationError
 
@@ -33,7 +33,7 @@ def in_doubt(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
     fits : of the record as it is stated: without effects, and with the first, if there is one
     """
     bare, last = fits[0], fits[-1]
-    if max(bare.excess.values(), default=0.0) <= QUIET:
+    if white(bare.excess):
         return None
     least = last.log_evidence - NEARLY * (last.log_evidence - bare.log_evidence)
     for other in kind.restatements():
@@ -55,7 +55,7 @@ def restated(kind: Kind, fits: Sequence[Fit]) -> Kind | None:
     fits : of the record as it is stated: without effects, with the first, and so on
     """
     bare, last = fits[0], fits[-1]
-    if max(bare.excess.values(), default=0.0) <= QUIET:
+    if white(bare.excess):
         return None
     gains = [after.log_evidence - before.log_evidence for before, after in pairwise(fits)]
     for other in kind.restatements():

@@ -30,10 +30,10 @@ from msl_fem.diagnosis.decision import (
     n_accepted,
     of_its_own,
     stays_within,
-    white,
 )
 from msl_fem.diagnosis.fit import FitPlan
 from msl_fem.diagnosis.kind import ErrorSignal, PredictionError, held_out_against, held_out_worse, log_likelihood_gain
+from msl_fem.diagnosis.likelihood import white
 from msl_fem.diagnosis.null import NullDistribution
 from msl_fem.diagnosis.refits import Refit
 from msl_fem.diagnosis.search import SearchStage

@@ -10,9 +10,9 @@ from scipy.signal import lfilter
 
 from msl_fem.bench import BenchOptions, parse_nuisances, parse_requests, sealed_record
 from msl_fem.diagnosis import DiagnosisSettings, diagnose, driver, formula_search
-from msl_fem.diagnosis.decision import QUIET
 from msl_fem.diagnosis.formula_terms import library
 from msl_fem.diagnosis.kind import worst_over_floor
+from msl_fem.diagnosis.likelihood import QUIET
 from msl_fem.errors import InputError
 from msl_fem.plant.excitation import parse_excitation
 from msl_fem.record import Record, Run, Tolerance
