@@ -178,7 +178,7 @@ class Refinement:
 
     def _stands_in(self, leader: Refit) -> bool:
         """Whether a leader beside bent parameters leaves more than noise, by its residuals' size or by its nats."""
-        if self.lost or self.base.unknowns.effects or not strained(self.base, BENT):
+        if self.lost or not strained(self.base, BENT):
             return False
         return not leaves_noise(leader) or leader.fit.objective - leader.fit.nats_of_noise >= HIDDEN
 

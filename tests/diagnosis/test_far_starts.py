@@ -557,6 +557,7 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     assert [one.gain for one in found] == [9000.0, 100.0]
 
 
+@pytest.mark.parametrize("behind", [False, True])
 @pytest.mark.parametrize(
     ("left", "nats", "moved", "begins"),
     [
@@ -569,10 +570,10 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     ],
 )
 def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_noise(
-    monkeypatch, left: float, nats: float, moved: float, begins: bool
+    monkeypatch, left: float, nats: float, moved: float, begins: bool, behind: bool
 ) -> None:
-    """By its size or by its nats, and a believed parameter has moved by 2.5 tolerances. It had been eliminated, and
-    leads in the end."""
+    """By its size or by its nats, and a believed parameter has moved by 2.5 tolerances; beside an effect as without
+    one. It had been eliminated, and leads in the end."""
     told = {"excess": lambda fit: {"x": left}, "nats_of_noise": lambda *one: -1000.0 - nats}
     leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(is_cut=False, **told))
     kept = Variant("remanent_flux", CUBIC.amounts)
@@ -581,13 +582,16 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
     monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
     monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    monkeypatch.setattr(Refinement, "_fuller", lambda self, leader, others: leader)
 
     def anew(self: Refinement, one: Refit, least: float, *, by_itself: bool = False) -> Refit:
         return replace(one, gain=20 * least) if by_itself else one
 
     monkeypatch.setattr(Refinement, "from_small_amounts", anew)
     scored = [SimpleNamespace(variant=one, gain=100.0) for one in (CUBIC, kept)]
-    found = refinement([moved, 0.0]).best_first(scored)  # type: ignore[arg-type]
+    race = refinement([moved, 0.0])
+    race.base = replace(race.base, unknowns=replace(UNKNOWNS, effects=CUBIC.unknowns if behind else ()))
+    found = race.best_first(scored)  # type: ignore[arg-type]
     gains = [(one.variant.effect, one.gain) for one in found]
     first, last = ("remanent_flux", 5000.0 if begins else 10.0), ("stiffness_nonlinearity", 1000.0)
     assert gains == ([first, last] if begins else [last, first])
