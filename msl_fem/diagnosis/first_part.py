@@ -57,7 +57,7 @@ def in_first_part(found: Fit) -> Fit | None:
     if not (whole.is_cut and whole.is_long) or white(found.excess):
         return None
     likelihood, numbers = whole.first_part()
-    if found.objective - found.nats_of_noise < PLENTY * found.residual.size / np.count_nonzero(numbers):
+    if found.nats_above_noise < PLENTY * found.residual.size / np.count_nonzero(numbers):
         return None
     return _there(found, likelihood, numbers)
 

@@ -232,6 +232,11 @@ class Fit:
         """S of white noise as loud as the runs' instruments show it."""
         return self.likelihood.nats_of_noise(self.unknowns, self.z)
 
+    @property
+    def nats_above_noise(self) -> float:
+        """Its S over that."""
+        return self.objective - self.nats_of_noise
+
     def nats_apart(self, other: "Fit") -> float:
         """Nats that the record brings on average for this fit over another one, if this is true: half the square of how
         far their simulations lie from each other, over the noise."""

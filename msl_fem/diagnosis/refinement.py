@@ -180,7 +180,7 @@ class Refinement:
         """Whether a leader beside bent parameters leaves more than noise, by its residuals' size or by its nats."""
         if self.lost or not strained(self.base, BENT):
             return False
-        return not leaves_noise(leader) or leader.fit.objective - leader.fit.nats_of_noise >= HIDDEN
+        return not leaves_noise(leader) or leader.fit.nats_above_noise >= HIDDEN
 
     def over_all(self, refit: Refit) -> Refit:
         """One that was fitted over a part of the record alone, over all of it if that can be simulated."""
