@@ -227,6 +227,18 @@ def fit_there(likelihood: Likelihood, unknowns: Unknowns, z: Array, jacobian: Sl
     return _fit_at(posterior, point, posterior.linearised(point, jacobian), posterior.simulations, FitPlan.damping)
 
 
+def with_the_rest(found: Fit, unknowns: Unknowns, z: Array) -> float:
+    """The least S of a linear model, its columns those of a fit, when amounts are what they are at z, of unknowns with
+    theirs behind the fit's, and all that the fit knows of moves to suit them; inf where that cannot be simulated."""
+    likelihood = found.likelihood
+    residual = likelihood.spectra(Points.of(unknowns, z[None]))[0].copy()
+    if not np.isfinite(residual).all():
+        return np.inf
+    weights = likelihood.weights(residual, unknowns)
+    point = _FitPoint(found.z, residual, weights, weights.nats + unknowns.prior(z)[0])
+    return point.objective - _FitModel(found.unknowns, point, found.jacobian, stale=True).promised
+
+
 def _reached(posterior: "_FitPosterior", point: "_FitPoint", model: "_FitModel") -> bool:
     """Whether a fit has come to the log evidence that it is to."""
     until = posterior.plan.until

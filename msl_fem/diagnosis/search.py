@@ -13,7 +13,7 @@ from scipy.signal import find_peaks
 
 from msl_fem.computing.arrays import Array
 from msl_fem.diagnosis.first_part import best_first
-from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit import FitPlan, fit, with_the_rest
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import gathered_here, in_gatherings
 from msl_fem.diagnosis.likelihood import Fit, white
@@ -153,38 +153,45 @@ def beyond_thresholds(base: Fit, every: Sequence[Score], chosen: Sequence[Score]
     """Of effects that are chosen the variants with an amount that the chosen ones lack, which as it is, in one of some
     sizes, brings a good part of what the best linear score promises (`AS_IT_IS`): the slope at nothing says little of
     what acts beyond a threshold, as a slew limit does. Such amounts are one-sided. Those that are measured in sampling
-    periods, lags and delays, are tried in the largest size whatever is chosen, where their slope points the other way:
-    what follows within a sample shows nothing of a lag that is well below a period."""
+    periods, lags and delays, are tried whatever is chosen, where their slope promises nothing: what follows within a
+    sample shows nothing of a lag that is well below a period. Of these counts what they bring when all else has moved
+    a step to suit them, where as it is they bring anything. Others that cannot be negative begin beside such an amount
+    in the least of the sizes: at nothing they may have no slope either."""
     effects = {score.variant.effect for score in chosen}
     had = {amount.place for score in chosen for amount in score.variant.amounts}
     lacking: list[Score] = []
+    late: list[Score] = []
     for score in every:
         [amount, *more] = score.variant.amounts
         if more or amount.place in had or not amount.one_sided:
             continue
-        hidden = _in_periods(amount) and not np.any(score.guess)
+        hidden = _in_periods(amount) and score.gain <= 0.0
         if score.variant.effect not in effects and not hidden:
             continue
         had.add(amount.place)
         lacking.append(score)
+        late += [score] if hidden else []
 
-    def sizes_of(score: Score) -> tuple[float, ...]:
-        return FINITE if score.variant.effect in effects else FINITE[-1:]
+    def points_of(score: Score, sizes: Sequence[float]) -> Array:
+        shapes = np.zeros(len(score.variant.shapes))
+        return np.array([np.concatenate([base.z, [size], shapes]) for size in sizes])
 
     def costs_of(score: Score) -> Array:
-        shapes = np.zeros(len(score.variant.shapes))
-        rows = np.array([np.concatenate([base.z, [size], shapes]) for size in sizes_of(score)])
         likelihood = base.likelihood.gathering(gathered_here())
-        return objectives(likelihood, extended(base.unknowns, score.variant), rows)
+        return objectives(likelihood, extended(base.unknowns, score.variant), points_of(score, FINITE))
 
     found: list[Score] = []
     every_cost = in_gatherings(costs_of, lacking, at_once=AT_ONCE, threads=base.likelihood.threads)
     for score, costs in zip(lacking, every_cost, strict=True):
         [amount] = score.variant.amounts
-        gain, size = float(base.objective - costs.min()), sizes_of(score)[int(np.argmin(costs))]
+        gain, size = float(base.objective - costs.min()), FINITE[int(np.argmin(costs))]
+        if score in late and 0.0 < gain <= AS_IT_IS * every[0].gain:
+            [point] = points_of(score, [size])
+            gain = base.objective - with_the_rest(base, extended(base.unknowns, score.variant), point)
         if gain > AS_IT_IS * every[0].gain:
             for one in (*_forms_of(every, score), *_fullest(every, score)):
-                guess = np.array([size if own.place == amount.place else 0.0 for own in one.variant.amounts])
+                begins = {own.place: FINITE[0] if own.one_sided else 0.0 for own in one.variant.amounts}
+                guess = np.array(list((begins | {amount.place: size}).values()))
                 found.append(replace(one, gain=gain, guess=guess, shift=np.zeros_like(one.shift)))
     return found
 

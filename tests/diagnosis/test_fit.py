@@ -10,7 +10,7 @@ import pytest
 from linear_record import CUBIC, FRICTION, OFFSET, LinearRecord, record, with_effect
 from scipy.signal import butter, lfilter
 
-from msl_fem.diagnosis.fit import FitPlan, fit
+from msl_fem.diagnosis.fit import FitPlan, fit, with_the_rest
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.gathered import GatheredRuns
 from msl_fem.diagnosis.likelihood import Likelihood
@@ -155,6 +155,22 @@ def test_the_score_of_an_effect_is_what_its_refit_brings() -> None:
         assert score.gain == pytest.approx(gain, abs=0.03 * abs(gain) + 0.1)
         assert score.guess[0] == pytest.approx(full.z[3], abs=2e-3)
         assert (gain > 5) == (size != 0)
+
+
+@pytest.mark.parametrize("size", [0.2, 0.1])
+def test_beside_an_amount_as_it_is_all_else_moves_to_where_its_own_fit_ends(size: float) -> None:
+    """The offset acts as the first of the three numbers does: with that where it was, the right amount makes it worse.
+    The densities are those before the move, from which on S falls by more than the linear model's."""
+    it, unknowns = record(seed=6, size=size)
+    base = fit(it, unknowns, np.zeros(3))  # type: ignore[arg-type]
+    more = with_effect(unknowns, OFFSET)
+    full = fit(it, more, np.zeros(4))  # type: ignore[arg-type]
+    as_it_is = np.append(base.z, full.z[3])
+    least = with_the_rest(base, more, as_it_is)
+    [residual] = it.spectra(Points.of(more, as_it_is[None]))
+    assert it.weights(residual, more).nats + more.prior(as_it_is)[0] > base.objective - 0.1
+    assert full.objective - 0.01 <= least <= full.objective + 0.05 * (base.objective - full.objective)
+    assert with_the_rest(base, more, np.full(4, np.nan)) == np.inf
 
 
 def test_of_two_effects_the_one_that_is_there_wins_and_nothing_costs_evidence() -> None:

@@ -64,7 +64,7 @@ def base(depth: float) -> Any:
 def test_an_amount_that_its_effect_s_candidates_lack_is_one_where_its_size_brings_a_good_part_of_any_score() -> None:
     found = beyond_thresholds(base(5000.0), EVERY, [DETUNED_DRIVE])
     assert [one.variant for one in found] == [SLEWING.variant, BOTH.variant], "friction's effect is not chosen"
-    assert [one.guess.tolist() for one in found] == [[FINITE[2]], [0.0, FINITE[2]]]
+    assert [one.guess.tolist() for one in found] == [[FINITE[2]], [FINITE[0], FINITE[2]]], "a lag begins at little"
     assert all(one.gain == pytest.approx(5000.0, abs=10.0) for one in found)
     assert not np.any([one.shift for one in found])
 
@@ -74,10 +74,10 @@ def test_none_is_where_a_linear_score_promises_four_times_as_much_or_candidates_
     assert beyond_thresholds(base(5000.0), EVERY, [DETUNED_DRIVE, BOTH]) == []
 
 
-def test_a_delay_whose_slope_points_the_other_way_is_tried_whatever_is_chosen() -> None:
-    """By one size, a period; of an effect that is not chosen, and with no more than a slope that says nothing of it."""
+def test_a_delay_whose_slope_promises_nothing_is_tried_whatever_is_chosen() -> None:
+    """Of an effect that is not chosen; where its slope tells of it, the linear score has chosen or left it."""
     late = EffectUnknown("time_delay", "command")
-    delayed, guessed = score(-5.0, late), replace(score(-5.0, late), guess=np.array([0.2]))
+    delayed, guessed = score(-5.0, late), replace(score(5.0, late), guess=np.array([0.2]))
 
     class Late(Slewing):
         def spectra(self, points: Points) -> np.ndarray:
@@ -90,6 +90,19 @@ def test_a_delay_whose_slope_points_the_other_way_is_tried_whatever_is_chosen() 
     found = beyond_thresholds(at, [DETUNED_DRIVE, delayed, FRICTIONAL], [FRICTIONAL])
     assert [(one.variant, one.guess.tolist()) for one in found] == [(delayed.variant, [FINITE[-1]])]
     assert beyond_thresholds(at, [DETUNED_DRIVE, guessed, FRICTIONAL], [FRICTIONAL]) == []
+
+
+def test_of_a_lag_within_a_period_counts_what_it_brings_when_all_else_has_moved_to_suit_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """That of an amplifier brought 486 nats as it was, and 1104 with the rest moved a step, of 3146 that a sensor's lag
+    promised: it was never fitted, and that had its place."""
+    monkeypatch.setattr("msl_fem.diagnosis.search.with_the_rest", lambda *at: 1e4 - 400.0)
+    every = [DETUNED_DRIVE, replace(SLEWING, gain=-9.0), FRICTIONAL]
+    found = beyond_thresholds(base(100.0), every, [DETUNED_DRIVE])
+    assert [(one.variant, one.gain) for one in found] == [(SLEWING.variant, 400.0)]
+    assert beyond_thresholds(base(-1.0), every, [DETUNED_DRIVE]) == [], "as it is it brings nothing"
+    assert beyond_thresholds(base(100.0), [DETUNED_DRIVE, SLEWING], [DETUNED_DRIVE]) == [], "its slope tells of it"
 
 
 def test_all_forms_of_an_amount_that_brings_more_are_tried() -> None:
