@@ -21,6 +21,8 @@ from msl_fem.computing.arrays import Array
 from msl_fem.computing.known_copies import knowing
 from msl_fem.diagnosis.row_loops import put_gram, put_moves
 
+ROUNDING = 1e-12  # of S'S, each start by its own size: a direction in which there is less shows nothing
+
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
@@ -59,7 +61,7 @@ class Stretches:
 
     def starting(self, starts: Array) -> "Stretches":
         """With other starts, the slopes being these."""
-        return knowing(replace(self, starts=starts), self, "_inverse")
+        return knowing(replace(self, starts=starts), self, "_roots", "_inverse")
 
     def first(self, n: int, samples: int) -> "Stretches":
         """The first n of them, which have so many samples together."""
@@ -88,17 +90,29 @@ class Stretches:
     def orthonormal(self) -> Array:
         """(n_channel, n_start, n_sample), in each stretch columns Q with S (S'S + 1)^-1 S' = Q Q'."""
         found = np.empty_like(self.slopes)
-        for root, part in zip(np.linalg.cholesky(self._inverse), self.parts(self.slopes.shape[-1]), strict=True):
+        for root, part in zip(self._roots, self.parts(self.slopes.shape[-1]), strict=True):
             found[:, :, part] = root.T @ self.slopes[:, :, part]
         return found
 
     @cached_property
     def _inverse(self) -> Array:
         """(n_stretch, n_start, n_start) of S'S + 1."""
+        return self._roots @ np.swapaxes(self._roots, 1, 2)
+
+    @cached_property
+    def _roots(self) -> Array:
+        """(n_stretch, n_start, n_start) R with R R' the inverse of S'S + 1: where errors grow, all starts may act alike
+        but for rounding, by 1e16 times a step of theirs."""
         n = self.slopes.shape[1]
         gram = np.empty((self.begins.size, n, n))
         put_gram(gram, self.slopes, self.begins)
-        return np.asarray(np.linalg.inv(gram + np.eye(n)))
+        gram += np.eye(n)
+        roots, finite = np.full_like(gram, np.nan), np.isfinite(gram).all(axis=(1, 2))
+        size = np.sqrt(np.diagonal(gram[finite], axis1=1, axis2=2))
+        values, vectors = np.linalg.eigh(gram[finite] / (size[:, :, None] * size[:, None, :]))
+        over = np.where(values > ROUNDING, 1.0 / np.sqrt(np.maximum(values, ROUNDING)), 0.0)
+        roots[finite] = vectors * over[:, None, :] / size[:, :, None]
+        return roots
 
 
 def moved(starts: Array, by: Array) -> Array:

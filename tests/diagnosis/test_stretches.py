@@ -74,6 +74,21 @@ def test_eliminated_starts_leave_what_a_fit_of_them_leaves() -> None:
             assert np.allclose(np.concatenate([values[row, part] for values in left]), expected, atol=1e-12)
 
 
+def test_starts_that_all_act_alike_are_left_out_as_one() -> None:
+    """By 1e20 times their step, one with the other sign and another size: their products are a singular matrix."""
+    chance = np.random.default_rng(7)
+    way = chance.standard_normal((2, 1, 90))
+    cut = Stretches(np.array([0, 20, 50]), np.zeros((3, 4)), way * np.array([1e20, -3e19, 2e20])[:, None])
+    over = chance.standard_normal((2, 1, 90))
+    left = cut.without_starts(over)
+    for part in cut.parts(90):
+        one, r = way[:, 0, part].ravel(), over[:, 0, part].ravel()
+        assert np.allclose(left[:, 0, part].ravel(), r - one * (one @ r) / (one @ one), atol=1e-6)
+    assert np.abs(cut.moves(over)).max() < 1e-19
+    spent = np.sum(cut.orthonormal() ** 2)
+    assert spent == pytest.approx(3.0, abs=1e-6), "of each stretch one number"
+
+
 def test_the_numbers_spent_on_starts_are_the_trace_of_what_eliminates_them() -> None:
     chance = np.random.default_rng(2)
     cut = random_stretches(chance)
