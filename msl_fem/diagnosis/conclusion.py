@@ -175,7 +175,8 @@ def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> 
     """Of each effect the nats that it brings on held-out data, and whether these speak against its name.
 
     A channel whose zero wanders does so anew in every run, and any small change may meet its path by chance: it speaks
-    of the wander alone, and of no other effect.
+    of the wander alone, and of no other effect. Over stretches whose starts it tells the other channels err by it too:
+    beside a wander that is most of all that was missing, held-out data refuse no other name.
     """
     repeat = [[signal for signal in one if signal.channel != result.final.unknowns.wanders] for one in models]
     gains, of_others = (held_out_gains([[one.summary for one in of] for of in judged]) for judged in (models, repeat))
@@ -183,7 +184,15 @@ def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> 
     for n, effect in enumerate(result.effects):
         if effect not in OWN_OF_A_RUN:
             gains[n], against[n] = of_others[n], against_others[n]
+            if _starts_wander(result):
+                gains[n], against[n] = max(gains[n], 0.0), False
     return gains, against
+
+
+def _starts_wander(result: EffectSearch) -> bool:
+    """Whether runs are followed over stretches, and what brings most of all effects is a zero that wanders."""
+    gains = {one.variant.effect: one.gain for stage in result.stages if (one := stage.best) is not None}
+    return result.final.likelihood.is_cut and max(gains, key=lambda name: gains[name]) in OWN_OF_A_RUN
 
 
 def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:

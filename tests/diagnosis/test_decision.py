@@ -480,13 +480,34 @@ def test_where_a_zero_wanders_the_other_channels_confirm() -> None:
     models = [[error_signal(drift), current], [error_signal(drift), current], worse]
     for first, channel, against in (("squeeze_film", "", True), ("sensor_drift", "position_m", False)):
         two = searched((first, 900.0), ("armature_tilt", 60.0))
-        final: Any = SimpleNamespace(unknowns=SimpleNamespace(wanders=channel))
+        final = followed_whole(channel)
         gains, told = _held_out(models, replace(two, fits=(*two.fits[:-1], final)))
         assert told == [False, against]
         assert (gains[1] < 0) == against
     wandering = searched(("armature_tilt", 900.0), ("sensor_drift", 60.0))
-    final = SimpleNamespace(unknowns=SimpleNamespace(wanders="position_m"))
+    final = followed_whole("position_m")
     assert _held_out(models, replace(wandering, fits=(*wandering.fits[:-1], final)))[1] == [False, True]
+
+
+def followed_whole(wanders: str, *, cut: bool = False) -> Any:
+    """A fit of runs from start to end, or over stretches, beside a reading whose zero wanders."""
+    return SimpleNamespace(unknowns=SimpleNamespace(wanders=wanders), likelihood=SimpleNamespace(is_cut=cut))
+
+
+@pytest.mark.parametrize(("cut", "drift", "refuses"), [(True, 31660.0, False), (True, 506.0, True), (False, 9e3, True)])
+def test_where_a_wander_tells_the_starts_of_stretches_no_channel_refuses_another_name(
+    cut: bool, drift: float, refuses: bool
+) -> None:
+    """A sensor's lag of 3046 nats beside a drift: a current that the wrong starts move errs by 1 % more."""
+    chance = np.random.default_rng(3)
+    current = replace(error_signal(chance.standard_normal(4000)), channel="current_1_A")
+    position = error_signal(30.0 * np.sin(np.linspace(0.0, 3.0, 4000)))
+    models = [[position, current], [position, current], [position, replace(current, values=1.02 * current.values)]]
+    two = searched(("sensor_drift", drift), ("position_sensor_lag", 3046.0))
+    final = followed_whole("position_m", cut=cut)
+    gains, against = _held_out(models, replace(two, fits=(*two.fits[:-1], final)))
+    assert against == [False, refuses]
+    assert (gains[1] < 0.0) == refuses
 
 
 def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None:
