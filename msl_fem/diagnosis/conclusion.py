@@ -107,6 +107,7 @@ def conclude(
     gains, worse = _held_out(signals, result)
     confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]
     main, (named, notes) = main_cause(result, worse), _named(kind, result, confirmed)
+    notes += _about_starts(named, gains)
     compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
         kept = _without_patches(kind, result, models, threads=threads)
@@ -184,8 +185,7 @@ def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> 
     for n, effect in enumerate(result.effects):
         if effect not in OWN_OF_A_RUN:
             gains[n], against[n] = of_others[n], against_others[n]
-            if _starts_wander(result):
-                gains[n], against[n] = max(gains[n], 0.0), False
+            against[n] &= not _starts_wander(result)
     return gains, against
 
 
@@ -193,6 +193,16 @@ def _starts_wander(result: EffectSearch) -> bool:
     """Whether runs are followed over stretches, and what brings most of all effects is a zero that wanders."""
     gains = {one.variant.effect: one.gain for stage in result.stages if (one := stage.best) is not None}
     return result.final.likelihood.is_cut and max(gains, key=lambda name: gains[name]) in OWN_OF_A_RUN
+
+
+def _about_starts(result: EffectSearch, gains: Sequence[float]) -> list[str]:
+    """Which effects are named though held-out data lose by them, and why, where a wander tells the starts."""
+    return [
+        f"with {effect} held-out runs lose {-gain:.3g} nats; their stretches begin where the reading says whose zero "
+        "wanders, so that they do not speak against it"
+        for effect, gain in zip(result.effects, gains, strict=False)
+        if gain < -WORSE and effect not in OWN_OF_A_RUN and _starts_wander(result)
+    ]
 
 
 def main_cause(result: EffectSearch, worse: Sequence[bool]) -> MainCause | None:

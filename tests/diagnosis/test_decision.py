@@ -10,6 +10,7 @@ import pytest
 from msl_fem.diagnosis import decision, effect_search
 from msl_fem.diagnosis.conclusion import (
     EffectSearch,
+    _about_starts,
     _compensating,
     _held_out,
     _named,
@@ -18,6 +19,7 @@ from msl_fem.diagnosis.conclusion import (
 )
 from msl_fem.diagnosis.decision import (
     RELAXED,
+    WORSE,
     Rule,
     _relative,
     _relaxed_gain,
@@ -505,9 +507,14 @@ def test_where_a_wander_tells_the_starts_of_stretches_no_channel_refuses_another
     models = [[position, current], [position, current], [position, replace(current, values=1.02 * current.values)]]
     two = searched(("sensor_drift", drift), ("position_sensor_lag", 3046.0))
     final = followed_whole("position_m", cut=cut)
-    gains, against = _held_out(models, replace(two, fits=(*two.fits[:-1], final)))
+    found = replace(two, fits=(*two.fits[:-1], final))
+    gains, against = _held_out(models, found)
     assert against == [False, refuses]
-    assert (gains[1] < 0.0) == refuses
+    assert gains[1] < -WORSE, "what is told is what they lose"
+    told = _about_starts(found, gains)
+    assert [f"with position_sensor_lag held-out runs lose {-gains[1]:.3g} nats" in note for note in told] == (
+        [] if refuses else [True]
+    )
 
 
 def test_the_main_cause_takes_most_of_the_excess_whatever_else_is_left() -> None:
