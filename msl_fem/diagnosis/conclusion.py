@@ -32,7 +32,7 @@ from msl_fem.diagnosis.kind import (
 )
 from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.outside import EXPLAINED, WORTH_NAMING, Dependence, named_dependence
-from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.refits import Refit, by_gain
 from msl_fem.diagnosis.result import (
     Accuracy,
     Cause,
@@ -107,7 +107,6 @@ def conclude(
     gains, worse = _held_out(signals, result)
     confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]
     main, (named, notes) = main_cause(result, worse), _named(kind, result, confirmed)
-    notes += _about_starts(named, gains)
     compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
     if compensating:
         kept = _without_patches(kind, result, models, threads=threads)
@@ -123,6 +122,7 @@ def conclude(
     if compensating or faint or _left_elsewhere(result):
         result, main = _without_wander(result, main, notes)
     n = result.taken
+    notes += _about_starts(result, gains)
     believed = [signal.summary for signal in nominal]
     accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
     extended = None if worse_than_belief(nominal, signals[n]) else models[n]
@@ -191,8 +191,8 @@ def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> 
 
 def _starts_wander(result: EffectSearch) -> bool:
     """Whether runs are followed over stretches, and what brings most of all effects is a zero that wanders."""
-    gains = {one.variant.effect: one.gain for stage in result.stages if (one := stage.best) is not None}
-    return result.final.likelihood.is_cut and max(gains, key=lambda name: gains[name]) in OWN_OF_A_RUN
+    found = [stage.best for stage in result.stages if stage.best is not None]
+    return result.final.likelihood.is_cut and min(found, key=by_gain).variant.effect in OWN_OF_A_RUN
 
 
 def _about_starts(result: EffectSearch, gains: Sequence[float]) -> list[str]:

@@ -125,8 +125,8 @@ class Runs(Kind):
 
     def begun(self, tell: Callable[[str], None]) -> "Runs | None":
         """With stretches chosen anew at a model that was fitted over shorter ones, in which it is nearly linear: from
-        the belief that is a short way. None where it is not, where a linear model
-        has moved a start out of the table, or where from there it does not follow the longer ones."""
+        the belief that is a short way. None where it is not, where a linear model has moved a start out of the table,
+        or where from there it does not follow the longer ones."""
         assert self.record is not None
         tell("fitted over parts of the stretches of the runs, which are then chosen anew")
         problem, cuts = self.likelihood.problem, []
