@@ -6,7 +6,8 @@ the eddy currents. v = R i + dL/dt. The states are i_m and those of hysteresis a
 
 The believed current amplifier knows the coil: v = R i + dL/dg dg/dt + L_inc w (target - i) within its voltage limit,
 which makes a plain coil's current a first-order lag of its target (Krishnan, Electric Motor Drives, 2001, ch. 3).
-Stray flux of coil and of both sides links the magnetising currents, without force.
+Stray flux of coil and of both sides links the magnetising currents, without force. It is in L, and so in the iron:
+iron that followed a side's own flux alone would give more than it took where both sides' currents go round.
 
 Friction is LuGre's, by bristles (Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Autom. Control 40, 1995):
 
@@ -62,8 +63,8 @@ from msl_fem.computing.compiled import compiled
 
 COPPER_COEFFICIENT = 3.93e-3  # 1/K, IEC 60028 at 20 degC
 # Columns of a side's scratch row
-FLUX, PULL, INDUCTANCE, GAP_SLOPE, CURRENT, VOLTAGE = range(6)
-N_SIDE = 6
+FLUX, PULL, INDUCTANCE, GAP_SLOPE, CURRENT, VOLTAGE, LINKED = range(7)  # LINKED: with leakage and mutual flux
+N_SIDE = 7
 AIR_VISCOSITY = 1.81e-5  # Pa s at 20 degC
 AMBIENT_PRESSURE = 1.013e5  # Pa
 _TERMS = 40
@@ -109,6 +110,7 @@ def thermal_rates(t: Thermal, coil: float, core: float, loss: float) -> tuple[fl
 def fill_side_currents(bench: Bench, y: Array, position: float) -> bool:
     """Fills FLUX ... CURRENT of the sides; False outside the table. `position` is relative to the magnets."""
     plant, sides = bench.plant, bench.sides
+    mutual = mutual_inductance(plant.stray, position)
     for j in range(plant.magnets.sides):
         row = sides[j]
         gap = plant.magnets.nominal_gap - (1.0 - 2.0 * j) * position
@@ -116,6 +118,10 @@ def fill_side_currents(bench: Bench, y: Array, position: float) -> bool:
         if not inside:
             return False
         row[FLUX], row[PULL], row[INDUCTANCE], row[GAP_SLOPE] = flux, pull, inductance, slope
+        flux += leakage_flux(plant.stray, j, y[IM1 + j])
+        if plant.magnets.sides == 2:
+            flux += mutual * y[IM1 + 1 - j]
+        row[LINKED] = flux
         row[CURRENT] = y[IM1 + j] - remanent_current(plant.stray, j, flux)
         if plant.series_iron.step > 0.0:
             row[CURRENT] += series_current(plant.series_iron, flux)
@@ -153,7 +159,7 @@ def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate
         motional = row[GAP_SLOPE] * gap_rate[j]
         if plant.stray.mutual_curve != 0.0 and plant.magnets.sides == 2:
             motional += mutual_slope(plant.stray, position) * gap_rate[1] * y[IM1 + 1 - j]
-        stray = leakage_slope(plant.stray, j, row[CURRENT])
+        stray = leakage_slope(plant.stray, j, y[IM1 + j])
         voltage = target[j]
         if plant.circuit.drive == CURRENT_DRIVE:
             own = row[INDUCTANCE] + stray
@@ -165,22 +171,26 @@ def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate
         row[VOLTAGE] = voltage
         dy[IM1 + j] = (voltage - drop - motional) / (row[INDUCTANCE] + stray)
     if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
-        _share_mutual_flux(bench, position, dy)
+        _share_mutual_flux(bench, y, position, dy)
     if plant.ladder.stages > 0:
         for j in range(plant.magnets.sides):
             at = plant.layout.ladder + j * plant.ladder.stages
             end = at + plant.ladder.stages
-            change = bench.sides[j, INDUCTANCE] * dy[IM1 + j] + bench.sides[j, GAP_SLOPE] * gap_rate[j]
+            own = bench.sides[j, INDUCTANCE] + leakage_slope(plant.stray, j, y[IM1 + j])
+            change = own * dy[IM1 + j] + bench.sides[j, GAP_SLOPE] * gap_rate[j]
+            if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
+                change += mutual_inductance(plant.stray, position) * dy[IM1 + 1 - j]
+                change += mutual_slope(plant.stray, position) * gap_rate[1] * y[IM1 + 1 - j]
             ladder_rates(plant.ladder, y[at:end], change, dy[at:end])
 
 
 @compiled
-def _share_mutual_flux(bench: Bench, position: float, dy: Array) -> None:
+def _share_mutual_flux(bench: Bench, y: Array, position: float, dy: Array) -> None:
     """Rates of both i_m that mutual flux ties together, from those without it; by Gauss' elimination."""
     stray, sides = bench.plant.stray, bench.sides
-    first = sides[0, INDUCTANCE] + leakage_slope(stray, 0, sides[0, CURRENT])
-    second = sides[1, INDUCTANCE] + leakage_slope(stray, 1, sides[1, CURRENT])
-    mutual = stray.mutual * (1.0 + stray.mutual_curve * position * position)
+    first = sides[0, INDUCTANCE] + leakage_slope(stray, 0, y[IM1])
+    second = sides[1, INDUCTANCE] + leakage_slope(stray, 1, y[IM1 + 1])
+    mutual = mutual_inductance(stray, position)
     factor = mutual / first
     volts = first * dy[IM1]
     dy[IM1 + 1] = (second * dy[IM1 + 1] - factor * volts) / (second - factor * mutual)
@@ -189,7 +199,7 @@ def _share_mutual_flux(bench: Bench, position: float, dy: Array) -> None:
 
 @compiled
 def leakage_slope(stray: Stray, j: int, current: float) -> float:
-    """Incremental leakage inductance of side j in H: the leakage flux passes the iron too and saturates it a little."""
+    """Incremental leakage inductance of side j in H at its magnetising current; its flux saturates iron a little."""
     leak = stray.leakage_1 if j == 0 else stray.leakage_2
     bent = current / stray.leakage_bend
     return leak / (1.0 + bent * bent)
@@ -210,6 +220,12 @@ def remanent_current(stray: Stray, j: int, flux: float) -> float:
     whole = stray.remanent_1 if j == 0 else stray.remanent_2
     ratio = flux / stray.remanent_flux
     return whole / (1.0 + ratio * ratio)
+
+
+@compiled
+def mutual_inductance(stray: Stray, position: float) -> float:
+    """M in H: of both sides' fields in the shared armature."""
+    return stray.mutual * (1.0 + stray.mutual_curve * position * position)
 
 
 @compiled

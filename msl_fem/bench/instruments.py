@@ -279,7 +279,6 @@ def _ramp(bench: Bench, memory: Array, currents: Array, gap: float, force_and_fl
         magnetising = 0.5 * (low + high)
         _coil_current(bench, memory, magnetising, gap, force_and_flux[n])
         settle_memory(bench.plant.hysteresis, memory, force_and_flux[n, 1])
-        force_and_flux[n, 1] += leakage_flux(bench.plant.stray, 0, currents[n])
     return True
 
 
@@ -289,6 +288,7 @@ def _coil_current(bench: Bench, memory: Array, magnetising: float, gap: float, r
     inside, flux, force, _, _ = side_magnet(bench.surface, bench.plant.magnets, magnetising, gap)
     if not inside:
         return False, flux, 0.0
+    flux += leakage_flux(bench.plant.stray, 0, magnetising)
     row[0], row[1] = force, flux
     current = magnetising - remanent_current(bench.plant.stray, 0, flux)
     if bench.plant.series_iron.step > 0.0:

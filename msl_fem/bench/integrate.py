@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from msl_fem.bench.equations import CURRENT, FLUX, fill_side_currents, state_rates
+from msl_fem.bench.equations import CURRENT, FLUX, LINKED, fill_side_currents, state_rates
 from msl_fem.bench.iron import fastest_ladder_rate, settle_memory
 from msl_fem.bench.law_program import READING, law_of_motion
 from msl_fem.bench.plant import (
@@ -244,7 +244,7 @@ def _settled(bench: Bench, y: Array) -> bool:
     if not fill_side_currents(bench, y, _relative_position(bench.plant, y)):
         return False
     for j in range(bench.plant.magnets.sides):
-        settle_memory(bench.plant.hysteresis, bench.memory[j], bench.sides[j, FLUX])
+        settle_memory(bench.plant.hysteresis, bench.memory[j], bench.sides[j, LINKED])
     return True
 
 

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from bench_rigs import setting_in
+from bench_rigs import RATE, plain_rig, setting_in
 
 from msl_fem.bench.catalogue import INSIDE
 from msl_fem.bench.equations import leakage_slope, mutual_slope, railed, remanent_current
 from msl_fem.bench.instruments import coil_field, readings
-from msl_fem.bench.plant import Stray
+from msl_fem.bench.plant import ENERGY_COPPER, ENERGY_ELECTRICAL, IRON_NODES, SeriesIron, Stray
 from msl_fem.bench.rig import InstrumentErrors
+from msl_fem.bench.running import run_rig
 
 
 def test_a_rail_is_reached_softly_and_never_left() -> None:
@@ -27,6 +28,31 @@ def test_stray_flux_bends_and_has_a_slope() -> None:
     step = 1e-7
     change = 2e-4 * 1e5 * ((3e-4 + step) ** 2 - (3e-4 - step) ** 2)
     assert mutual_slope(stray, 3e-4) == pytest.approx(change / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("ahead", [1, -1], ids=["side 1 ahead", "side 2 ahead"])
+def test_iron_gives_back_what_leakage_and_mutual_flux_bring_into_it(ahead: int) -> None:
+    """Iron in series stores: in a run from nothing to nothing the coils take what their copper loses, whichever side
+    leads. Did it follow a side's own flux alone, the sides' mutual flux would bring energy in one sense and take it in
+    the other."""
+    plain = plain_rig("voltage")
+    table = plain.table
+    assert table is not None
+    inductance = 2 * float(table.evaluate(0.0, plain.plant.magnets.nominal_gap)["incremental_inductance"])
+    nodes = np.linspace(0.0, 1.0, IRON_NODES)
+    step = 1.2 * inductance / (IRON_NODES - 1)  # of 1.2 A, which take 0.4 A more in the iron there
+    iron = SeriesIron(step, 0.4 * nodes**5, 2.0 * nodes**4 / (step * (IRON_NODES - 1)))
+    stray = Stray(leakage_1=0.1 * inductance, leakage_bend=2.0, mutual=0.2 * inductance)
+    held = plain.with_parts(motion=plain.plant.motion._replace(mass=1e12), series_iron=iron, stray=stray)
+    time = np.arange(3000) / RATE
+    turn = 2 * np.pi * 20 * time
+    rises = np.sin(np.pi * np.minimum(time / 0.2, 1.0)) ** 2
+    commands = 8.0 * rises[:, None] * np.column_stack([np.cos(turn), np.cos(turn - ahead * np.pi / 2)])
+    run = run_rig(held, commands, rate=RATE)
+    taken, lost = run.end_state[ENERGY_ELECTRICAL], run.end_state[ENERGY_COPPER]
+    assert np.abs(run.current).max() > 0.7
+    assert abs(run.current[-1]).max() < 1e-3
+    assert taken == pytest.approx(lost, rel=2e-6)
 
 
 def test_the_coils_field_is_seen_behind_two_lags() -> None:
