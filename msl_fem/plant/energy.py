@@ -180,7 +180,7 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
     if p.sides == 2:
         set_mutual_flux(cells, p, e, work, rows[I1], rows[I2])
         energy += work[SHARED_ENERGY]
-    settled = rows[ANCHORED] <= 0.0  # before the first evaluation there are no eddy currents
+    begun = rows[ANCHORED] > 0.0
     for j in range(p.sides):
         _, flux, stored = side_flux(cells, p, e, work, j, rows[I1 + j], side_gap(p, e, work, j))
         energy += stored
@@ -193,8 +193,8 @@ def _field(surface: Surface, p: PlantParameters, effects: Array | None, state: A
             bend = np.sqrt(e[stray_flux.REMANENCE_FADES])
             bent = np.arctan(bend * flux) / bend if bend > 0.0 else flux
             energy += iron / e[magnetic.IRON_SCALE] - e[stray_flux.REMANENT_1 + j] * bent
-        if effects is not None and not settled:
             for k in range(N_EDDY):
-                energy += 0.5 * e[magnetic.EDDY_MODE + k] * (flux - rows[EDDY_FLUX_1 + j * N_EDDY + k]) ** 2
+                behind = flux - rows[EDDY_FLUX_1 + j * N_EDDY + k] if begun else e[magnetic.EDDY_MISSED + k] * flux
+                energy += 0.5 * e[magnetic.EDDY_MODE + k] * behind**2
     keep(memory)
     return energy

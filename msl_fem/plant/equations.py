@@ -533,16 +533,16 @@ def remanence(e: Rows, j: int, flux: Value) -> Value:
 @compiled
 def _eddy_modes(e: Rows, state: Rows, work: Rows, j: int, flux: Value, dy: int) -> Value:
     """The part of a side's current (A) that the modes of its eddy currents take; before the first evaluation they have
-    settled. Their losses go into the side's loss row."""
+    settled, or followed a share of the flux linkage. Their losses go into the side's loss row."""
     taken = flux - flux
     lost = taken
     if not some(e[magnetic.EDDY_MODE] > 0.0):
         return taken
     for k in range(N_EDDY):
         row = EDDY_FLUX_1 + j * N_EDDY + k
-        settled = state[ANCHORED] > 0.0
-        state[row] = choose(settled, state[row], flux)
-        work[Y + row] = choose(settled, work[Y + row], flux)
+        begun, at_begin = state[ANCHORED] > 0.0, (1.0 - e[magnetic.EDDY_MISSED + k]) * flux
+        state[row] = choose(begun, state[row], at_begin)
+        work[Y + row] = choose(begun, work[Y + row], at_begin)
         behind = flux - (work[Y + row] + work[MODE_FOLLOWS_NOW + k] * flux)
         taken = taken + e[magnetic.EDDY_MODE + k] * behind
         lost = lost + e[magnetic.EDDY_MODE + k] * e[magnetic.EDDY_RATE + k] * behind * behind

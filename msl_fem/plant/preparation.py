@@ -18,6 +18,7 @@ from msl_fem.plant.effects import (
     thermal,
 )
 from msl_fem.plant.effects.expressions import LAWS
+from msl_fem.plant.effects.magnetic import N_EDDY
 from msl_fem.plant.effects.mechanisms import N_IRON_STOP
 from msl_fem.plant.equations import remanence, series_iron
 from msl_fem.plant.layout import COIL_1, COIL_READING, CORE_1, HEAT_1, I1, SENSOR, workspace
@@ -84,7 +85,17 @@ def start_effects(surface: Surface, plant: PlantParameters, coefficients: Array,
 def _depends_on_flux(e: Array) -> bool:
     """Whether what the iron takes of a current at the start is another at another flux."""
     fading = e[stray_flux.REMANENCE_FADES] * (abs(e[stray_flux.REMANENT_1]) + abs(e[stray_flux.REMANENT_2]))
-    return bool(e[magnetic.IRON_LOW] or e[magnetic.IRON_KNEE] or e[magnetic.HYSTERESIS_STRETCH] or fading)
+    bends = e[magnetic.IRON_LOW] or e[magnetic.IRON_KNEE] or e[magnetic.HYSTERESIS_STRETCH]
+    return bool(bends or fading or _missing(e))
+
+
+@compiled
+def _missing(e: Rows) -> float:
+    """The current (A) over the flux linkage (Wb) of a run's begin that eddy currents take there."""
+    missing = 0.0
+    for k in range(N_EDDY):
+        missing = missing + e[magnetic.EDDY_MODE + k] * e[magnetic.EDDY_MISSED + k]
+    return missing
 
 
 def begin_effects(e: Array, state: Array) -> None:
@@ -121,8 +132,10 @@ def _share(surface: Surface, p: PlantParameters, coefficients: Array, state: Arr
 @compiled
 def share_with_iron(cells: Cells, p: PlantParameters, e: Rows, rows: Rows, work: Rows) -> None:
     """Takes from the magnetising currents of a state what iron in series needs, its memory at that flux beyond the
-    coercive current, and what is gone of its remanence, by bisection: all grow with them."""
+    coercive current, what is gone of its remanence, and eddy currents that have not faded, by bisection: all grow with
+    them."""
     look_at(e, rows, work)
+    missing = _missing(e)
     widening = 3.0 * e[magnetic.HYSTERESIS_STRETCH] * coercive_current(e)
     for j in range(p.sides):
         whole, gap = rows[I1 + j], side_gap(p, e, work, j)
@@ -132,6 +145,7 @@ def share_with_iron(cells: Cells, p: PlantParameters, e: Rows, rows: Rows, work:
             u = 0.5 * (low + high)
             inside, _, _, _, flux, _ = side_with_effects(cells, p, e, work, j, u, gap)
             needed = series_iron(e, flux) + widening * flux * size(flux) + (kept - remanence(e, j, flux))
+            needed = needed + missing * flux
             if not inside or u + needed > whole:
                 high = u
             else:

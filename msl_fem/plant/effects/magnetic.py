@@ -19,8 +19,14 @@ from msl_fem.plant.effects.mechanisms import N_IRON_STOP, NEVER
 from msl_fem.plant.plant import CURRENT_DRIVE
 from msl_fem.plant.poles import FAST
 
-EDDY_POLES = (10.17067, 56.01754, 259.6983, 1207.056, 5630.229, 26236.98, 121623.5, 640639.6)
-EDDY_WEIGHTS = (6.440684, 11.03928, 23.59937, 51.05253, 110.3756, 237.6201, 512.1397, 1530.075)
+EDDY_POLES = (
+    9.884933, 41.23557, 114.6043, 308.2497, 831.9319, 2248.805, 6080.012, 16424.88, 44312.97, 119880.7, 338243.2,
+    1340791.0,
+)  # fmt: skip
+EDDY_WEIGHTS = (
+    6.026067, 6.770124, 10.11462, 16.62025, 27.37571, 45.04355, 74.04006, 121.5388, 199.4603, 331.4702, 614.261,
+    2104.485,
+)  # fmt: skip
 """Modes by which the currents in sheets are taken: conductance 3 (q coth q - 1)/q^2 = sum w/(q^2 + p) + rest."""
 N_EDDY = len(EDDY_POLES)  # modes of the eddy currents of a side, beside what answers at once
 
@@ -32,6 +38,7 @@ TILT = LAYOUT.row()  # from the middle to the outer points of a face, m
 SHARE, UNMIX = LAYOUT.rows(2)  # share of the other side's current; 1/(1 - share^2)
 EDDY = LAYOUT.row()  # conductance of the eddy loop, 1/ohm
 EDDY_MODE, EDDY_RATE = LAYOUT.rows(2, N_EDDY)  # modes of the eddy currents: current over flux, A/Wb; rates, 1/s
+EDDY_MISSED = LAYOUT.row(N_EDDY)  # share of the flux linkage at a run's begin that they have not followed yet
 EDDY_EXACT = LAYOUT.row()  # whether they are known in closed form over a step (0 or 1): beside a fast current loop
 HYSTERESIS_SLOPE, HYSTERESIS_WIDTH = LAYOUT.rows(2, N_IRON_STOP)  # of the stops, A/Wb; their widths, Wb
 HYSTERESIS_STRETCH = LAYOUT.row()  # of what the stops follow: y = lambda + stretch lambda^3, Wb^-2
@@ -101,22 +108,24 @@ def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
 
 def _eddy_currents(e: Array, v: Values, setting: KernelSetting) -> None:
     """Sheets of diffusion time T and low-frequency conductance G: a magnetising current (3 G/T) (q coth q - 1) Lambda,
-    q^2 = s T, is taken as the sum over k of (G w_k/T) s/(s + p_k/T) Lambda, and the rest of G at once: within 0.5 % up
-    to s T = 5 10^5. Of a mode that is faster than a step a share has the step's rate and the rest answers at once,
-    together as late as the mode: over T nothing jumps."""
+    q^2 = s T, is taken as the sum over k of (G w_k/T) s/(s + p_k/T) Lambda, and the rest of G at once: within 0.02 %
+    up to s T = 5 10^5. Of a mode that is faster than a step a share has the step's rate and the rest answers at once,
+    together as late as the mode: over T nothing jumps. A flux linkage that was built up at once so many seconds before
+    a run a mode has followed but for exp(-p_k/T) of it a second."""
     conductance = v["eddy_currents", "time_constant"] / setting.inductance
     diffusion = v["eddy_currents", "diffusion_time"]
     bandwidth = setting.plant.bandwidth * (1.0 + v["amplifier_bandwidth", "bandwidth_error"])
     fast = setting.plant.drive == CURRENT_DRIVE and FAST < bandwidth * setting.step < math.inf
     exact = fast and conductance > 0.0 and diffusion > 0.0
     e[EDDY_EXACT] = 1.0 if exact else 0.0
-    at_once = 1.0
+    at_once, since = 1.0, v["eddy_currents", "switched_on"]
     for k, (pole, weight) in enumerate(zip(EDDY_POLES, EDDY_WEIGHTS, strict=True)):
         steps = diffusion / (pole * setting.step)
         if conductance and diffusion:
             share, rate = (1.0, pole / diffusion) if exact or steps > 1.0 else (steps, 1.0 / setting.step)
             e[EDDY_MODE + k] = share * weight / pole * conductance * rate
             e[EDDY_RATE + k] = rate
+            e[EDDY_MISSED + k] = math.exp(-rate * since) if since > 0.0 else 0.0
             at_once -= share * weight / pole
     e[EDDY] = conductance * at_once
 
@@ -354,7 +363,8 @@ MAGNETIC = (
         sentence="induced currents in laminations, armature or housing delay the flux behind the current",
         equation=(
             "i = u + (3 tau/(T L_0)) (q coth q - 1) lambda, q^2 = s T: sheets of diffusion time T; at T = 0 a shorted "
-            "winding beside the coil, i = u + (tau/L_0) d lambda/dt. tau: time_constant, T: diffusion_time"
+            "winding beside the coil, i = u + (tau/L_0) d lambda/dt. tau: time_constant, T: diffusion_time. The lambda "
+            "with which a run begins is there since switched_on"
         ),
         source="Zhu, Knospe, Maslen, IEEE Trans. Magnetics 41(4), 2005, 1248-1258; Woodson, Melcher, 1968, ch. 2",
         parameters=(
@@ -378,6 +388,18 @@ MAGNETIC = (
                 "of the field across a sheet's half",
                 shape=True,
                 tried=(1e-3, 1e-2, 1e-1, 1.0, 10.0),
+            ),
+            Parameter(
+                "switched_on",
+                "s",
+                0.0,
+                (0.0, 1e3),
+                1e-2,
+                "before a run its first currents were; 0: so long ago that nothing of it is left",
+                shape=True,
+                tried=(0.03,),
+                width=1.5,
+                optional=True,
             ),
         ),
         needs=("magnets", "drive lag"),
