@@ -256,13 +256,13 @@ def flux_of(servo: Actuator, current: np.ndarray, values: EffectValues) -> np.nd
 def test_a_rise_of_demagnetised_iron_and_the_fall_after_it_have_a_closed_form(servo: Actuator, widening: float) -> None:
     """i = lambda/L + p'(lambda) sum_k s_k e_k: e_k = min(z, R_k) on the rise; from its end at z_t on, what the stop had
     there less z_t - z, down to -R_k."""
-    broadening, spacing, fall, n = 0.8, 1.5, 0.4, 60
-    values = broad(broadening, spacing=spacing, fall=fall, widening=widening)
+    broadening, spacing, fall, decay, n = 0.8, 1.5, 0.4, 1.7, 60
+    values = broad(broadening, spacing=spacing, fall=fall, decay=decay, widening=widening)
     current = np.r_[np.linspace(0.0, 2.0, n), np.linspace(2.0, -0.5, n)]
     flux = flux_of(servo, current, values)
-    y, place = flux / (OF_ONE * REVERSAL), (np.arange(1, 17) / 16) ** spacing
+    y, place = flux / (OF_ONE * REVERSAL), (np.arange(1, 33) / 32) ** spacing
     followed, widths = (np.arcsinh(broadening * (q + widening * q**3)) / broadening for q in (y, place))
-    slopes = widths**-fall
+    slopes = widths**-fall * np.exp(-decay * widths)
     slopes *= COERCIVE / (slopes @ widths)
     top = followed[n - 1]
     rise = np.minimum(followed[:n, None], widths)
@@ -290,6 +290,18 @@ def test_a_branch_reverses_over_more_flux_where_there_is_more(servo: Actuator, b
         assert change == pytest.approx(2 * reversal * np.hypot(1, broadening * middle / reversal), rel=4e-3)
         changes.append(change)
     assert (changes[2] > 2 * changes[0]) == (broadening > 0)
+
+
+def test_stops_whose_slopes_decay_are_a_smooth_exponential(servo: Actuator) -> None:
+    """Of the classical density rho exp(-R/r) on a rise: rho r^2 (1 - exp(-lambda/r)), here r = lambda_r/6; the 32 stops
+    of it within 1 % of the coercive current."""
+    decay, current = 6.0, np.linspace(0.0, 2.0, 400)
+    flux = flux_of(servo, current, broad(0.0, decay=decay))
+    memory, reach = current - flux / OF_ONE, decay * flux / (OF_ONE * REVERSAL)
+    expected = COERCIVE * (1.0 - np.exp(-np.minimum(reach, decay))) / (1.0 - np.exp(-decay))
+    assert np.abs(memory - expected).max() < 0.01 * COERCIVE
+    straight = flux_of(servo, current, broad(0.0))
+    assert np.abs(current - straight / OF_ONE - expected).max() > 0.2 * COERCIVE
 
 
 def test_a_small_broadening_is_of_second_order(servo: Actuator) -> None:

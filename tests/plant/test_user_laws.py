@@ -143,7 +143,7 @@ def test_the_compiled_law_the_bench_s_program_and_the_tree_agree(servo: Actuator
     seen = np.array([at[n] for n in ("x", "v", "i1", "i2", "g1", "g2")])
     program = law_sum(with_law(NO_LAWS, EVERYTHING, values), FORCE, seen)
     assert program == pytest.approx(tree, rel=1e-14)
-    e, work = np.zeros(200), np.zeros(20)
+    e, work = np.zeros(240), np.zeros(20)
     for (cause, name), row in parameter_rows().items():
         e[row] = values[name] if cause == "everything" else 0.0
     work[LAW_X : LAW_X + 6] = seen

@@ -84,7 +84,8 @@ def _coenergy(e: Array, v: Values, setting: KernelSetting) -> None:
 
 
 def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
-    """Stops k = 1 ... N of widths R_k = p(lambda_r (k/N)^a) and slopes s_k that go with R_k^-b, sum s_k R_k = i_c.
+    """Stops k = 1 ... N of widths R_k = p(lambda_r (k/N)^a) and slopes s_k that go with R_k^-b exp(-c R_k/lambda_r),
+    sum s_k R_k = i_c.
 
     They follow p(l) = l + w l (l/lambda_r)^2, lambda_r = L_0 i_r; with a broadening g, b(p(l)) instead, as their widths
     do, b(y) = (lambda_r/g) asinh(g y/lambda_r).
@@ -100,7 +101,8 @@ def _hysteresis(e: Array, v: Values, setting: KernelSetting) -> None:
         if gamma > 0.0:
             e[HYSTERESIS_WIDTH + k] = math.asinh(gamma * e[HYSTERESIS_WIDTH + k]) / gamma
         wider = e[HYSTERESIS_WIDTH + k] / widest
-        e[HYSTERESIS_SLOPE + k] = math.exp(0.0 - v["magnetic_hysteresis", "fall"] * math.log(wider))
+        fall = v["magnetic_hysteresis", "fall"] * math.log(wider) + v["magnetic_hysteresis", "decay"] * wider
+        e[HYSTERESIS_SLOPE + k] = math.exp(0.0 - fall)
         reach = reach + e[HYSTERESIS_SLOPE + k] * e[HYSTERESIS_WIDTH + k]
     for k in range(N_IRON_STOP):
         e[HYSTERESIS_SLOPE + k] = e[HYSTERESIS_SLOPE + k] * (v["magnetic_hysteresis", "coercive_current"] / reach)
@@ -280,7 +282,10 @@ MAGNETIC = (
             "stop that slips loses s_k |y(z) - y(z - e_k)| |dz|; at g = 0: z = y, loss s_k R_k |slip_k|, stored "
             "s_k e_k^2 / 2"
         ),
-        source="Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996",
+        source=(
+            "Bergqvist, Physica B 233, 1997, 342-347; Brokate, Sprekels, Hysteresis and Phase Transitions, 1996; Al "
+            "Janaideh, Rakheja, Su, Mechatronics 19(5), 2009, 656-670 (densities that decay exponentially)"
+        ),
         parameters=(
             Parameter(
                 "coercive_current",
@@ -308,7 +313,7 @@ MAGNETIC = (
                 1.0,
                 (0.3, 6.0),
                 0.5,
-                "a: the stops' widths are those of the fluxes (k/16)^a lambda_r",
+                "a: the stops' widths are those of the fluxes (k/32)^a lambda_r",
                 shape=True,
                 tried=(1.5,),
                 width=0.7,
@@ -323,6 +328,17 @@ MAGNETIC = (
                 shape=True,
                 tried=(0.3,),
                 over="loops",
+                width=1.5,
+            ),
+            Parameter(
+                "decay",
+                "",
+                0.0,
+                (0.0, 20.0),
+                0.5,
+                "c: slopes of the stops go with exp(-c width/lambda_r): how late the largest loops still widen",
+                shape=True,
+                tried=(1.5,),
                 width=1.5,
             ),
             Parameter(

@@ -6,7 +6,7 @@ from typing import Any
 
 N_STOP = 6
 """Stops of friction, a Prandtl-Ishlinskii operator; their widths are 1, 2 ... 6 times the first."""
-N_IRON_STOP = 16
+N_IRON_STOP = 32
 """Stops of iron: its branches bend so gently that with six of them a long record shows where each begins to slip."""
 NEVER = 1e9
 """Of a current at which a shape has its effect, A: it is never reached."""
