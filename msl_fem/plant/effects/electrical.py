@@ -233,7 +233,7 @@ ELECTRICAL = (
         static=NOT_AT_REST,
         advice="measure the step response of the drive with the mover locked; check its voltage limit",
         sets=(("lag",), ("slew_time",), ("bandwidth_error",), ("lag", "slew_time")),
-        deviation_of={"time_delay": 0.1, "eddy_currents": 0.1, "magnetic_hysteresis": 0.14, "early_saturation": 0.05},
+        deviation_of={"time_delay": 0.1, "eddy_currents": 0.1, "magnetic_hysteresis": 0.01, "early_saturation": 0.05},
         steps=FINE,
         coarse=("bandwidth_error",),
     ),

@@ -239,7 +239,7 @@ MAGNETIC = (
         advice="check the stacking factor and the sheets' cut edges; measure the B-H curve of a stacked ring",
         sets=(("knee_shift",), ("low_field_current", "knee_excess"), ("knee_excess",)),
         separating="a map up to twice the largest current, where the iron saturates",
-        deviation_of={"magnetic_hysteresis": 0.14},
+        deviation_of={"magnetic_hysteresis": 0.01},
     ),
     Effect(
         name="fringing",
@@ -425,7 +425,7 @@ MAGNETIC = (
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
         advice="look for solid iron and shorted sheets in the flux path, a closed metal ring around it",
-        deviation_of={"time_delay": 0.1, "amplifier_bandwidth": 0.1, "magnetic_hysteresis": 0.14},
+        deviation_of={"time_delay": 0.1, "amplifier_bandwidth": 0.1, "magnetic_hysteresis": 0.01},
         steps=2,
     ),
     Effect(

@@ -427,6 +427,6 @@ MECHANICAL = (
         inverse=NO_MAGNETS,
         static=NOT_AT_REST,
         advice="stiffen the bench or read the gap against the magnet",
-        deviation_of={"magnetic_hysteresis": 0.14},
+        deviation_of={"magnetic_hysteresis": 0.01},
     ),
 )

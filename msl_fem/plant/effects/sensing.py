@@ -264,6 +264,6 @@ SENSING = (
             ("offset", "rate", "acceleration", "jerk"),
         ),
         wanders="position_m",
-        deviation_of={"magnetic_hysteresis": 0.14},
+        deviation_of={"magnetic_hysteresis": 0.01},
     ),
 )
