@@ -286,7 +286,7 @@ def of_its_own(stage: SearchStage, before: Sequence[SearchStage]) -> SearchStage
 def of_a_form(variant: Variant, before: Sequence[SearchStage]) -> float:
     """Nats below which a variant may be no more than the deviation of an effect of the stages before from its form:
     mutual flux over the position beside mutual flux, a little of another lag beside one whose order is not quite its
-    own, remanence beside loops that no model follows to the end; minus infinity where it deviates from none."""
+    own, remanence beside loops that a model nearly follows; minus infinity where it deviates from none."""
     gains = {one.best.variant.effect: one.best.gain for one in before if one.best is not None}
     shares = CATALOGUE[variant.effect].deviation_of
     return max((share * gains[name] for name, share in shares.items() if name in gains), default=-np.inf)

@@ -453,16 +453,15 @@ def test_what_deviates_from_the_form_of_an_effect_is_no_cause_beside_it_unless_i
 
 
 def test_a_refit_that_will_be_the_deviation_of_a_form_at_most_is_not_led_to_its_end() -> None:
-    """Remanence beside hysteresis, whose loops no model follows to the end, has to bring more than a delay beside a
-    pole."""
+    """A delay beside a pole has to bring more than remanence beside hysteresis, whose loops a model nearly follows."""
 
     def found(effect: str, gain: float, reach: float) -> Any:
         return SimpleNamespace(gain=gain, reach=reach, variant=Variant(effect, (EffectUnknown(effect, "any"),)))
 
     for first, effect, least in (
         ("amplifier_bandwidth", "time_delay", 400.0),
-        ("magnetic_hysteresis", "remanent_flux", 560.0),
-        ("magnetic_hysteresis", "sensor_drift", 560.0),
+        ("magnetic_hysteresis", "remanent_flux", 40.0),
+        ("magnetic_hysteresis", "sensor_drift", 40.0),
         ("magnetic_hysteresis", "squeeze_film", Rule().further),
     ):
         before = [SearchStage(None, (), (found(first, 4000.0, 4000.0),))]  # type: ignore[arg-type]
