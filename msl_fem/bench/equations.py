@@ -170,18 +170,12 @@ def drive_sides(bench: Bench, y: Array, position: float, target: Array, gap_rate
             voltage = crossover(plant.amplifier, voltage)
         row[VOLTAGE] = voltage
         dy[IM1 + j] = (voltage - drop - motional) / (row[INDUCTANCE] + stray)
-    if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
-        _share_mutual_flux(bench, y, position, dy)
-    if plant.ladder.stages > 0:
-        for j in range(plant.magnets.sides):
+        if plant.ladder.stages > 0:  # whose node is at the rate of all that the coil links, v - R i
             at = plant.layout.ladder + j * plant.ladder.stages
             end = at + plant.ladder.stages
-            own = bench.sides[j, INDUCTANCE] + leakage_slope(plant.stray, j, y[IM1 + j])
-            change = own * dy[IM1 + j] + bench.sides[j, GAP_SLOPE] * gap_rate[j]
-            if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
-                change += mutual_inductance(plant.stray, position) * dy[IM1 + 1 - j]
-                change += mutual_slope(plant.stray, position) * gap_rate[1] * y[IM1 + 1 - j]
-            ladder_rates(plant.ladder, y[at:end], change, dy[at:end])
+            ladder_rates(plant.ladder, y[at:end], voltage - drop, dy[at:end])
+    if plant.stray.mutual != 0.0 and plant.magnets.sides == 2:
+        _share_mutual_flux(bench, y, position, dy)
 
 
 @compiled
