@@ -271,11 +271,15 @@ def _limit_command(e: Rows, work: Rows, j: int) -> None:
 @compiled
 def _given(e: Rows, asked: Value) -> Value:
     """What a drive gives of a command beyond its limit, into which it runs over a corner: see drive_limit."""
-    corner = larger(e[electrical.CORNER], _NO_CORNER)
-    above = size(asked) - e[electrical.LIMIT]
-    sets_in = within(above, corner) + corner
-    beyond = sets_in * sets_in / (4.0 * corner) + (above - smaller(above, corner))
-    return asked - e[electrical.LOST_SHARE] * choose(asked < 0.0, 0.0 - beyond, beyond)
+    return asked - e[electrical.LOST_SHARE] * (_beyond(e, asked) - _beyond(e, 0.0 - asked))
+
+
+@compiled
+def _beyond(e: Rows, asked: Value) -> Value:
+    """What a command has beyond the positive limit, c log(1 + exp(d/c)) of d = asked - limit, c = corner/pi."""
+    c = larger(e[electrical.CORNER], _NO_CORNER) / np.pi
+    over = asked - e[electrical.LIMIT]
+    return larger(over, 0.0) + c * logarithm(1.0 + exponential(0.0 - size(over) / c))
 
 
 @compiled

@@ -5,6 +5,8 @@ import pytest
 from coupled_twin import changed, linear_table, locked
 from coupled_twin import kernel_run as run
 from effect_sets import effects, rough
+from scipy.integrate import cumulative_trapezoid
+from scipy.stats import logistic
 
 from msl_fem.actuator import Actuator
 from msl_fem.plant.effects import EffectValues
@@ -157,12 +159,16 @@ def test_a_limited_drive_is_one_with_clipped_commands(servo: Actuator, table: Ma
 
 
 def test_a_limit_may_set_in_over_a_corner(servo: Actuator, table: MagneticTable) -> None:
-    """A parabola between the two straight lines, which it meets with their slopes."""
+    """The slope falls as a logistic function does, whose spread is that of an even density over both sides of the
+    limit."""
+    spread = 0.1 / np.sqrt(3)
+    falls = logistic(0.35, spread * np.sqrt(3) / np.pi)
+    assert falls.std() == pytest.approx(spread)
 
     def given(asked: np.ndarray) -> np.ndarray:
-        beyond = np.abs(asked) - 0.35
-        inside = (beyond + 0.1) ** 2 / 0.4
-        return asked - 0.7 * np.sign(asked) * np.where(beyond < -0.1, 0.0, np.where(beyond > 0.1, beyond, inside))
+        grid = np.linspace(0, 0.8, 200001)
+        lost = cumulative_trapezoid(falls.cdf(grid) + falls.cdf(-grid), grid, initial=0)
+        return asked - 0.7 * np.sign(asked) * np.interp(np.abs(asked), grid, lost)
 
     inputs = rough(200)
     assert np.abs(inputs.commands).max() > 0.45

@@ -242,8 +242,8 @@ ELECTRICAL = (
         group="electrical",
         sentence="the drive gives less than it is asked for beyond a limit that is not stated",
         equation=(
-            "s -> s - lost_share sgn(s) beyond(|s| - limit) of a command s, before lag and delay; 1: nothing is given "
-            "beyond it. beyond(d) = max(d, 0), between -corner and corner (d + corner)^2/(4 corner)"
+            "s -> s - lost_share (beyond(s - limit) - beyond(-s - limit)) of a command s, before lag and delay; 1: "
+            "nothing is given beyond it. beyond(d) = c log(1 + exp(d/c)) with c = corner/pi; max(d, 0) of a corner of 0"
         ),
         source="Schweitzer, Maslen (ed.), Magnetic Bearings, 2009, ch. 3 (saturation of power amplifiers)",
         parameters=(
@@ -266,7 +266,7 @@ ELECTRICAL = (
                 0.0,
                 (0.0, 1e6),
                 0.1,
-                "A, V or N to both sides of the limit, over which it sets in; 0: at once",
+                "A, V or N to both sides of the limit, of an equal spread, over which it sets in; 0: at once",
                 shape=True,
                 tried=(0.2,),
                 over="command",
