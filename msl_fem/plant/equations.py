@@ -88,8 +88,11 @@ from msl_fem.plant.layout import (
     HEAT_1,
     I1,
     INDUCTANCE,
+    INPUTS_BEGIN,
     KNOWN_1,
+    KNOWN_IRON,
     KNOWN_MEAN,
+    KNOWN_OF_IRON,
     KNOWN_SLOPE,
     LIMITED_1,
     MMF,
@@ -99,6 +102,7 @@ from msl_fem.plant.layout import (
     MODE_RATE,
     MUTUAL,
     N_CIRCUIT,
+    N_INPUT,
     N_KNOWN,
     OUTPUT_OF_1,
     PULL_POWER,
@@ -451,7 +455,7 @@ def rates_with_effects(
             inductance = shared(cells, work, circuit + SHARED_INDUCTANCE, inductance)
             motion = shared(cells, work, circuit + SHARED_SLOPE, motion)
         emf = motion * gap_speed
-        memory = hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - remanence(e, j, flux)
+        memory = _taken_by_iron(e, state, work, j, flux, (inputs - INPUTS_BEGIN) // N_INPUT, settle)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
         work[circuit + PULL_POWER] = toward * pull * gap_speed
@@ -475,6 +479,18 @@ def rates_with_effects(
         work[dy + ENERGY_DAMPING] = p.damping * work[Y + V] * work[Y + V] + film_force * gap_speed
         work[dy + ENERGY_EXTERNAL] = (external + of_laws) * work[Y + V]
     return inside
+
+
+@compiled
+def _taken_by_iron(e: Rows, state: Rows, work: Rows, j: int, flux: Value, instant: int, settle: bool) -> Value:
+    """The part of a side's current (A) that iron and remanence take: at begin, middle or end (0, 1, 2) of a step where
+    that is known, else by its flux linkage."""
+    row = KNOWN_1 + j * N_KNOWN
+    known, taken = (work[row] > 0.0) & (work[row + KNOWN_IRON] > 0.0), work[row + KNOWN_OF_IRON + instant]
+    if settle or not every(known):
+        by_flux = hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - remanence(e, j, flux)
+        taken = choose(known, taken, by_flux)
+    return taken
 
 
 @compiled

@@ -18,9 +18,11 @@ from msl_fem.plant.layout import (
     KNOWN_1,
     KNOWN_2,
     KNOWN_BEYOND,
+    KNOWN_IRON,
     KNOWN_MEMORY,
     KNOWN_MISSING,
     KNOWN_MOVED,
+    KNOWN_OF_IRON,
     KNOWN_TAKEN,
     KNOWN_TURN,
     LIMITED_1,
@@ -39,7 +41,7 @@ from msl_fem.plant.sheet_modes import target_rise
 from msl_fem.plant.side import Cells, side_flux, side_gap
 
 _ITERATIONS = 5
-_TRIALS = 2  # of the currents beside what iron takes
+_TRIALS = 2  # of the currents beside what iron takes: the first looks at the end alone
 NO_WAY = 1e-12  # A
 
 
@@ -99,6 +101,8 @@ def put_beside_iron(
     What it takes is h_0 + m (u - u_0) + r(s), m the slope from begin to end and r a parabola through what it takes
     beyond that at middle and end; to these the answer of the loops is exact. Iterated, from m = r = 0.
     """
+    for j in range(p.sides):
+        work[KNOWN_1 + j * N_KNOWN + KNOWN_IRON] = 0.0
     if not iron_takes(e):
         return
     where = iron_alone(e, free)
@@ -106,21 +110,28 @@ def put_beside_iron(
         where = where & (work[KNOWN_1 + j * N_KNOWN] > 0.0)
     if not some(where):
         return
+    iron = e[magnetic.HYSTERESIS_SLOPE] + e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0
     for j in range(p.sides):
+        row, circuit = KNOWN_1 + j * N_KNOWN, CIRCUIT_1 + j * N_CIRCUIT
         for n in range(2):
-            work[KNOWN_1 + j * N_KNOWN + KNOWN_BEYOND + n] = 0.0
-        work[KNOWN_1 + j * N_KNOWN + KNOWN_MEMORY] = choose(where, 0.0, work[KNOWN_1 + j * N_KNOWN + KNOWN_MEMORY])
-    for _ in range(_TRIALS):
+            work[row + KNOWN_BEYOND + n] = 0.0
+        work[row + KNOWN_MEMORY] = choose(where, 0.0, work[row + KNOWN_MEMORY])
+        work[row + KNOWN_OF_IRON] = work[circuit + MMF] - state[I1 + j]
+        work[row + KNOWN_IRON] = choose(where & iron, 1.0, 0.0)
+    for n in range(_TRIALS):
         _answer_to_iron(p, e, state, work, where, step, False)
-        _look_at_iron(cells, p, e, state, work, where, step)
+        _look_at_iron(cells, p, e, state, work, where, step, 1 + n)
     _answer_to_iron(p, e, state, work, where, step, True)
 
 
 @compiled
-def _look_at_iron(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, where: Flag, step: float) -> None:
-    """What iron takes at the currents of end and middle, and at gaps that change as at the begin, into the rows."""
+def _look_at_iron(
+    cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, where: Flag, step: float, instants: int
+) -> None:
+    """What iron takes at the currents of that many instants, end and middle, and at gaps that change as at the begin,
+    into the rows."""
     position = work[Y + X]
-    for n in range(2):
+    for n in range(instants):
         at = 1 - n  # the end first, whose slope is that of the step
         work[Y + X] = position + (0.5 + 0.5 * at) * step * work[Y + V]
         if p.sides == 2:
@@ -132,7 +143,8 @@ def _look_at_iron(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: 
             if p.sides == 2:
                 flux = flux + work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
             taken = hysteresis(e, state, j, flux, False) + series_iron(e, flux) - remanence(e, j, flux)
-            more = taken - (work[CIRCUIT_1 + j * N_CIRCUIT + MMF] - state[I1 + j])
+            work[row + KNOWN_OF_IRON + 1 + at] = taken
+            more = taken - work[row + KNOWN_OF_IRON]
             if at == 1:
                 tells = where & inside & (moved * more > 0.0) & (size(moved) > NO_WAY)
                 slope = more / choose(tells, moved, 1.0)

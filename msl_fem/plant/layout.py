@@ -121,7 +121,7 @@ DRIVE_FALL, DRIVE_RAMP = _WORK.rows(2, 4)
 # Currents of a loop that is fast against the step (`fast_loop.py`), side 1, then side 2: whether they are known (0, 1
 # or 2), then their values at begin, middle and end of a step and behind it, what stands for their slopes (A/s), the one
 # of the stage; flux linkage (Wb) and field energy (J) at the step's begin, whether the limit had been met before
-N_KNOWN = 28
+N_KNOWN = 32
 KNOWN_1, KNOWN_2 = _WORK.rows(2, N_KNOWN)
 KNOWN_VALUE, KNOWN_LAST, KNOWN_SLOPES, KNOWN_SLOPE, KNOWN_FLUX, KNOWN_FIELD, KNOWN_LIMITED = 1, 4, 5, 8, 9, 10, 11
 KNOWN_SHARED = 12  # what of that flux linkage the sides have in common (Wb)
@@ -136,6 +136,8 @@ KNOWN_MOVED, KNOWN_BEYOND = 18, 20
 # iron takes (A); the current's mean slope up to where the limit ceases to act (A/s), the current there, and what iron
 # takes more (A)
 KNOWN_ACTS, KNOWN_RISES, KNOWN_TOOK, KNOWN_LINE, KNOWN_TURN, KNOWN_TAKEN = 22, 23, 24, 25, 26, 27
+# Whether what iron takes is known over the step (0 or 1), and what it takes at begin, middle and end (A)
+KNOWN_IRON, KNOWN_OF_IRON = 28, 29
 CIRCUIT_1, CIRCUIT_2 = _WORK.rows(2, N_CIRCUIT)
 TILTED = _WORK.row(4 * N_BLOCK)  # cells at either end of a tilted face: side 1's lower and upper gap, then side 2's
 SHARED = _WORK.row(N_MUTUAL)  # the cell of the coenergy of both sides
