@@ -89,6 +89,17 @@ def test_a_moving_gap_changes_what_iron_takes(servo: Actuator, table: MagneticTa
     assert one.audit.hysteresis == pytest.approx(many.audit.hysteresis, rel=1e-4)
 
 
+@pytest.mark.parametrize("iron", IRON)
+def test_what_iron_takes_warms_the_copper(servo: Actuator, table: MagneticTable, iron: str) -> None:
+    """The coil's current within a step is the magnetising one and what iron takes, at one step as at many."""
+    actuator, values = changed(servo, drive={"bandwidth": 2e3}), EffectValues(IRON[iron])
+    one, many = (
+        simulate(actuator, table, wandering(200, "zero-order"), effects=values, options=Options(substeps=steps))
+        for steps in (1, 60)
+    )
+    assert one.audit.copper == pytest.approx(many.audit.copper, rel=5e-5)
+
+
 @pytest.mark.parametrize("iron", ["none", *IRON])
 def test_a_jump_against_the_voltage_limit(servo: Actuator, table: MagneticTable, iron: str) -> None:
     """The limit acts in the first part of a step: where it ceases to, iron takes another part than at the begin."""
