@@ -455,7 +455,7 @@ def rates_with_effects(
             inductance = shared(cells, work, circuit + SHARED_INDUCTANCE, inductance)
             motion = shared(cells, work, circuit + SHARED_SLOPE, motion)
         emf = motion * gap_speed
-        memory = _taken_by_iron(e, state, work, j, flux, (inputs - INPUTS_BEGIN) // N_INPUT, settle)
+        memory = _taken_within(e, state, work, j, flux, (inputs - INPUTS_BEGIN) // N_INPUT, settle)
         work[circuit + INDUCTANCE] = inductance
         work[circuit + EMF] = emf
         work[circuit + PULL_POWER] = toward * pull * gap_speed
@@ -482,15 +482,19 @@ def rates_with_effects(
 
 
 @compiled
-def _taken_by_iron(e: Rows, state: Rows, work: Rows, j: int, flux: Value, instant: int, settle: bool) -> Value:
-    """The part of a side's current (A) that iron and remanence take: at begin, middle or end (0, 1, 2) of a step where
-    that is known, else by its flux linkage."""
+def _taken_within(e: Rows, state: Rows, work: Rows, j: int, flux: Value, instant: int, settle: bool) -> Value:
+    """`taken_by_iron` at begin, middle or end (0, 1, 2) of a step where that is known, else by the flux linkage."""
     row = KNOWN_1 + j * N_KNOWN
-    known, taken = (work[row] > 0.0) & (work[row + KNOWN_IRON] > 0.0), work[row + KNOWN_OF_IRON + instant]
+    known, taken = work[row + KNOWN_IRON] > 0.0, work[row + KNOWN_OF_IRON + instant]
     if settle or not every(known):
-        by_flux = hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - remanence(e, j, flux)
-        taken = choose(known, taken, by_flux)
+        taken = choose(known, taken, taken_by_iron(e, state, j, flux, settle))
     return taken
+
+
+@compiled
+def taken_by_iron(e: Rows, state: Rows, j: int, flux: Value, settle: bool) -> Value:
+    """The part of a side's current (A) that its iron's memory and iron in series take, less what remanence gives."""
+    return hysteresis(e, state, j, flux, settle) + series_iron(e, flux) - remanence(e, j, flux)
 
 
 @compiled

@@ -37,6 +37,7 @@ from msl_fem.plant.layout import (
     KNOWN_CORNER,
     KNOWN_FIELD,
     KNOWN_FLUX,
+    KNOWN_IRON,
     KNOWN_LAST,
     KNOWN_LIMITED,
     KNOWN_LINE,
@@ -438,6 +439,7 @@ def end_known_currents(cells: Cells, p: PlantParameters, e: Rows, state: Rows, w
             work[Y + ENERGY_ELECTRICAL] = work[Y + ENERGY_ELECTRICAL] + choose(known, energy, 0.0)
         work[LIMITED_1 + j] = choose(known, work[row + KNOWN_LIMITED], work[LIMITED_1 + j])
         work[row] = 0.0
+        work[row + KNOWN_IRON] = 0.0
     if e is not None:
         forget_modes(e, work)
     return inside

@@ -10,7 +10,7 @@ to act.
 from msl_fem.computing.compiled import compiled
 from msl_fem.computing.lanes import Flag, Rows, Value, choose, every, exponential, larger, size, some
 from msl_fem.plant.effects import electrical, magnetic
-from msl_fem.plant.equations import hysteresis, remanence, series_iron
+from msl_fem.plant.equations import hysteresis, series_iron, taken_by_iron
 from msl_fem.plant.known_currents import put_fall, rates_together
 from msl_fem.plant.layout import (
     CIRCUIT_1,
@@ -48,7 +48,13 @@ NO_WAY = 1e-12  # A
 @compiled
 def iron_takes(e: Rows) -> bool:
     """Whether memory or iron in series take part of a coil's current in one lane at least."""
-    return some(e[magnetic.HYSTERESIS_SLOPE] > 0.0) or some(e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0)
+    return some(has_iron(e))
+
+
+@compiled
+def has_iron(e: Rows) -> Flag:
+    """Where memory or iron in series take part of a coil's current."""
+    return e[magnetic.HYSTERESIS_SLOPE] + e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0
 
 
 @compiled
@@ -101,8 +107,6 @@ def put_beside_iron(
     What it takes is h_0 + m (u - u_0) + r(s), m the slope from begin to end and r a parabola through what it takes
     beyond that at middle and end; to these the answer of the loops is exact. Iterated, from m = r = 0.
     """
-    for j in range(p.sides):
-        work[KNOWN_1 + j * N_KNOWN + KNOWN_IRON] = 0.0
     if not iron_takes(e):
         return
     where = iron_alone(e, free)
@@ -110,14 +114,13 @@ def put_beside_iron(
         where = where & (work[KNOWN_1 + j * N_KNOWN] > 0.0)
     if not some(where):
         return
-    iron = e[magnetic.HYSTERESIS_SLOPE] + e[magnetic.IRON_LOW] + e[magnetic.IRON_KNEE] > 0.0
     for j in range(p.sides):
         row, circuit = KNOWN_1 + j * N_KNOWN, CIRCUIT_1 + j * N_CIRCUIT
         for n in range(2):
             work[row + KNOWN_BEYOND + n] = 0.0
         work[row + KNOWN_MEMORY] = choose(where, 0.0, work[row + KNOWN_MEMORY])
         work[row + KNOWN_OF_IRON] = work[circuit + MMF] - state[I1 + j]
-        work[row + KNOWN_IRON] = choose(where & iron, 1.0, 0.0)
+        work[row + KNOWN_IRON] = choose(where & has_iron(e), 1.0, 0.0)
     for n in range(_TRIALS):
         _answer_to_iron(p, e, state, work, where, step, False)
         _look_at_iron(cells, p, e, state, work, where, step, 1 + n)
@@ -142,7 +145,7 @@ def _look_at_iron(
             inside, flux, _ = side_flux(cells, p, e, work, j, state[I1 + j] + moved, side_gap(p, e, work, j))
             if p.sides == 2:
                 flux = flux + work[CIRCUIT_1 + j * N_CIRCUIT + SHARED_FLUX]
-            taken = hysteresis(e, state, j, flux, False) + series_iron(e, flux) - remanence(e, j, flux)
+            taken = taken_by_iron(e, state, j, flux, False)
             work[row + KNOWN_OF_IRON + 1 + at] = taken
             more = taken - work[row + KNOWN_OF_IRON]
             if at == 1:

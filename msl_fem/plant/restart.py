@@ -7,7 +7,7 @@ from msl_fem.computing.lanes import Rows, Value, choose, exponential, size, some
 from msl_fem.plant.effects import magnetic, mechanical, stray_flux
 from msl_fem.plant.effects.electrical import N_QUEUE
 from msl_fem.plant.effects.magnetic import N_EDDY
-from msl_fem.plant.equations import hysteresis, remanence, series_iron
+from msl_fem.plant.equations import taken_by_iron
 from msl_fem.plant.layout import (
     ANCHOR_X,
     CIRCUIT_1,
@@ -182,7 +182,7 @@ def _taken(e: Rows, state: Rows, work: Rows, j: int, flux: Value) -> Value:
     """The current (A) that the iron of side j takes at a flux linkage, which the modes of its eddy currents follow from
     the one that is kept."""
     moved = flux - work[KNOWN_1 + j * N_KNOWN + KNOWN_FLUX]
-    taken = hysteresis(e, state, j, flux, False) + series_iron(e, flux) - remanence(e, j, flux)
+    taken = taken_by_iron(e, state, j, flux, False)
     for k in range(N_EDDY):
         behind = flux - work[MODE_FOLLOWS_NOW + k] * moved - state[EDDY_FLUX_1 + j * N_EDDY + k]
         taken = taken + e[magnetic.EDDY_MODE + k] * behind

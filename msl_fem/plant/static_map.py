@@ -9,7 +9,7 @@ from msl_fem.computing.lanes import Rows, keep, rows_of
 from msl_fem.errors import InputError, OutOfTable
 from msl_fem.plant.effects import EffectValues, kernel_coefficients, magnetic, stray_flux
 from msl_fem.plant.effects.mechanisms import N_IRON_STOP
-from msl_fem.plant.equations import hysteresis, remanence, series_iron
+from msl_fem.plant.equations import hysteresis, taken_by_iron
 from msl_fem.plant.layout import STOPS_1, workspace
 from msl_fem.plant.plant import PlantParameters, Surface
 from msl_fem.plant.preparation import coercive_current, small_signal_inductance
@@ -113,4 +113,4 @@ def _magnetising(
 def _taken(cells: Cells, p: PlantParameters, e: Rows, state: Rows, work: Rows, u: float, gap: float) -> float:
     """The current (A) at which u magnetises."""
     _, _, _, _, linked, _ = side_with_effects(cells, p, e, work, 0, u, gap)
-    return u + hysteresis(e, state, 0, linked, False) + series_iron(e, linked) - remanence(e, 0, linked)
+    return u + taken_by_iron(e, state, 0, linked, False)
