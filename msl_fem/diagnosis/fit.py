@@ -140,84 +140,13 @@ def fit(
     ------
     ComputationError : the simulation fails at the start
     """
-    how = plan or FitPlan()
-    damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
-    simulations, z, stale = 0, unknowns.allowed(start), True
-    least, idle, most_heat = np.inf, 0, np.inf
-    sane: Fit | None = None
-    start_slopes: Starts = ()
-    rounds = _trials(likelihood, how)
-    begun = goes_on
-    free = begun if takes_columns else None  # a fit whose columns nothing else looks at
-    for n, trials in enumerate(rounds, 1):
-        posterior = _FitPosterior(likelihood, unknowns, how, start_slopes if begun is None else begun.start_slopes)
-        first = posterior.at(z) if begun is None else _point_of(begun)
-        if not np.isfinite(first.residual).all():
-            raise ComputationError("the simulation fails at the start of the fit")
-        first = posterior.heated(first, most_heat, COOLING ** (len(rounds) - n))
-        known = nuisance_columns
-        if begun is not None:
-            known, stale = None if how.fresh_begin and begun.stale else begun.jacobian, begun.stale
-        if free is not None:
-            posterior.takes(free.columns)
-        model = posterior.linearised(first, known, stale=stale)
-        noise = likelihood.nats_of_noise(unknowns, z) if how.share else 0.0
-        if sane is None and posterior.heat > 1.0:
-            sane = _fit_at(posterior, *posterior.cooled(first, model), simulations, damping.first)
-            if not how.heats:
-                return replace(sane, sane=sane)
-            sane = replace(sane, columns=Columns(sane.jacobian.copy("F"), sane.columns.gram))  # the model goes on
-        renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
-        settings = DescentSettings(
-            damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise, how.little
-        )
-        end = descend(
-            posterior, first, settings, first=model, further=posterior.further, reached=partial(_reached, posterior)
-        )
-        point, model = posterior.cooled(end.point, end.model)
-        simulations, start_slopes = simulations + posterior.simulations, posterior.start_slopes
-        found = _fit_at(posterior, point, model, simulations, end.damping)
-        found = replace(found, stuck=not end.steps and end.ending == "no more steps" and trials >= STUCK)
-        if sane is not None and not beyond_sanity(unknowns, point.z):
-            sane = found
-        free = None if sane is found else found
-        if found.log_evidence > how.until:
+    rounds = _Rounds(likelihood, unknowns, plan or FitPlan(), unknowns.allowed(start))
+    rounds.known, rounds.begun, rounds.free = nuisance_columns, goes_on, goes_on if takes_columns else None
+    for n, trials in enumerate(rounds.trials, 1):
+        come_to = rounds.descended(n, trials)
+        if not rounds.goes_on(n, come_to):
             break
-        if n == SHORT_WAY and not how.heats and beyond_sanity(unknowns, point.z):
-            break
-        begun = None
-        if not likelihood.is_cut:
-            if n == len(rounds) or end.ending != "no more steps":
-                break
-            begun, damping = found, replace(damping, first=end.damping)
-            continue
-        stale = model.stale
-        far = how.renew and stale and first.objective - point.objective > WORN
-        nuisance_columns = model.jacobian[:, : unknowns.n_nuisance] if posterior.heat == 1.0 and not far else None
-        if end.ending == "no more steps" and not end.steps:  # next to a table's end only shorter ones lead anywhere
-            damping = replace(damping, first=damping.first * damping.factor**trials)
-            continue
-        if n == len(rounds) or (n > 1 and end.ending == "converged" and not end.steps):  # starts suit this very point
-            break
-        nearer = found.likelihood.followed(unknowns, point.z)
-        again = nearer.objective(unknowns, point.z)
-        most_heat = posterior.heat / COOLING
-        if posterior.heat == 1.0:
-            alike = max(RESTARTED, how.enough, how.share * (point.objective - noise))
-            if end.ending in {"converged", "in vain"} and abs(again - point.objective) < alike:
-                break
-            worth, lost = how.enough, sane is not None and beyond_sanity(unknowns, point.z)
-            if lost and _loudness(point) > STILL_HOT:
-                break
-            if lost and least < np.inf:
-                worth = max(worth, WORTH * least)
-            idle = 0 if point.objective < least - worth else idle + 1
-            least = min(least, point.objective)
-        if idle == MOST_IDLE_ROUNDS or not np.isfinite(again):
-            break
-        likelihood, z = nearer, point.z
-        damping = replace(damping, first=float(np.clip(end.damping, CARRIED[0], CARRIED[1] if sane else 1.0)))
-    return replace(found, sane=sane)
+    return replace(come_to.found, sane=rounds.sane)
 
 
 def fit_there(likelihood: Likelihood, unknowns: Unknowns, z: Array, jacobian: Slopes) -> Fit:
@@ -304,9 +233,126 @@ class _FitPoint:
     nearer: Starts | None = None
 
 
-def _loudness(point: _FitPoint) -> float:
+def _loudness(point: "_FitPoint | Fit") -> float:
     """Mean square of the residuals over their noise at its loudest."""
     return float(np.mean((point.residual * point.weights.root) ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """What a round has come to; `begin`, S where it began, `noise`, nats of noise there."""
+
+    found: Fit
+    ending: str
+    steps: int
+    damping: float
+    heat: float
+    begin: float
+    noise: float
+
+
+class _Rounds:
+    """The rounds of a fit, and what each hands on to the next: where it has come to, columns that are known there, how
+    it is damped and heated. Between them the starts of stretches are moved to where the fit is."""
+
+    def __init__(self, likelihood: Likelihood, unknowns: Unknowns, how: FitPlan, z: Array) -> None:
+        self.likelihood, self.unknowns, self.how, self.z = likelihood, unknowns, how, z
+        self.trials = _trials(likelihood, how)
+        self.damping = Damping(first=how.damping, least=1e-4, rise=1e-2, most=1e8)
+        self.known: Slopes | None = None  # columns of the nuisances
+        self.stale = True
+        self.begun: Fit | None = None  # which has ended here, all columns known
+        self.free: Fit | None = None  # whose columns nothing else looks at
+        self.sane: Fit | None = None
+        self.start_slopes: Starts = ()
+        self.simulations, self.idle = 0, 0
+        self.least, self.most_heat = np.inf, np.inf
+
+    def descended(self, n: int, trials: int) -> _Round:
+        """The n-th round, of so many trials."""
+        how, unknowns = self.how, self.unknowns
+        posterior = _FitPosterior(
+            self.likelihood, unknowns, how, self.start_slopes if self.begun is None else self.begun.start_slopes
+        )
+        first, model = self._first(posterior, n)
+        noise = self.likelihood.nats_of_noise(unknowns, self.z) if how.share else 0.0
+        if self.sane is None and posterior.heat > 1.0:
+            cold = _fit_at(posterior, *posterior.cooled(first, model), self.simulations, self.damping.first)
+            self.sane = cold
+            if not how.heats:
+                return _Round(cold, "too hot", 0, self.damping.first, posterior.heat, first.objective, noise)
+            self.sane = replace(cold, columns=Columns(cold.jacobian.copy("F"), cold.columns.gram))  # the model goes on
+        renewal = (STALE if how.fresh_end else MISLED) if how.renew else None
+        settings = DescentSettings(
+            self.damping, how.enough, how.share, trials, None, renewal, how.fresh_end, noise, how.little
+        )
+        end = descend(
+            posterior, first, settings, first=model, further=posterior.further, reached=partial(_reached, posterior)
+        )
+        self.simulations, self.start_slopes = self.simulations + posterior.simulations, posterior.start_slopes
+        found = _fit_at(posterior, *posterior.cooled(end.point, end.model), self.simulations, end.damping)
+        found = replace(found, stuck=not end.steps and end.ending == "no more steps" and trials >= STUCK)
+        if self.sane is not None and not beyond_sanity(unknowns, found.z):
+            self.sane = found
+        self.free = None if self.sane is found else found
+        return _Round(found, end.ending, end.steps, end.damping, posterior.heat, first.objective, noise)
+
+    def _first(self, posterior: "_FitPosterior", n: int) -> tuple["_FitPoint", "_FitModel"]:
+        """The point and the model with which the n-th round begins."""
+        begun = self.begun
+        first = posterior.at(self.z) if begun is None else _point_of(begun)
+        if not np.isfinite(first.residual).all():
+            raise ComputationError("the simulation fails at the start of the fit")
+        first = posterior.heated(first, self.most_heat, COOLING ** (len(self.trials) - n))
+        if begun is not None:
+            self.known, self.stale = None if self.how.fresh_begin and begun.stale else begun.jacobian, begun.stale
+        if self.free is not None:
+            posterior.takes(self.free.columns)
+        return first, posterior.linearised(first, self.known, stale=self.stale)
+
+    def goes_on(self, n: int, last: _Round) -> bool:
+        """Whether a further round is worth it behind the n-th; it is made ready."""
+        found = last.found
+        if last.ending == "too hot" or found.log_evidence > self.how.until:
+            return False
+        if n == SHORT_WAY and not self.how.heats and beyond_sanity(self.unknowns, found.z):
+            return False
+        if not self.likelihood.is_cut:
+            self.begun, self.damping = found, replace(self.damping, first=last.damping)
+            return n < len(self.trials) and last.ending == "no more steps"
+        self.begun, self.stale = None, found.stale
+        far = self.how.renew and found.stale and last.begin - found.objective > WORN
+        kept = last.heat == 1.0 and not far
+        self.known = found.jacobian[:, : self.unknowns.n_nuisance] if kept else None
+        if last.ending == "no more steps" and not last.steps:  # next to a table's end only shorter ones lead anywhere
+            self.damping = replace(self.damping, first=self.damping.first * self.damping.factor ** self.trials[n - 1])
+            return True
+        if n == len(self.trials) or (n > 1 and last.ending == "converged" and not last.steps):
+            return False  # starts suit this very point
+        nearer = found.likelihood.followed(self.unknowns, found.z)
+        again = nearer.objective(self.unknowns, found.z)
+        self.most_heat = last.heat / COOLING
+        if (last.heat == 1.0 and not self._worth(last, again)) or not np.isfinite(again):
+            return False
+        self.likelihood, self.z = nearer, found.z
+        most = CARRIED[1] if self.sane else 1.0
+        self.damping = replace(self.damping, first=float(np.clip(last.damping, CARRIED[0], most)))
+        return True
+
+    def _worth(self, last: _Round, again: float) -> bool:
+        """Whether more may come of a fit without heat, its starts moved: S is `again` with them."""
+        how, objective = self.how, last.found.objective
+        alike = max(RESTARTED, how.enough, how.share * (objective - last.noise))
+        if last.ending in {"converged", "in vain"} and abs(again - objective) < alike:
+            return False
+        worth, lost = how.enough, self.sane is not None and beyond_sanity(self.unknowns, last.found.z)
+        if lost and _loudness(last.found) > STILL_HOT:
+            return False
+        if lost and self.least < np.inf:
+            worth = max(worth, WORTH * self.least)
+        self.idle = 0 if objective < self.least - worth else self.idle + 1
+        self.least = min(self.least, objective)
+        return self.idle < MOST_IDLE_ROUNDS
 
 
 class _FitModel:
