@@ -453,17 +453,17 @@ def totals_table(rows: Sequence[Row]) -> str:
 def rigs_table(rows: Sequence[Row]) -> str:
     """Single effects and clean records by actuator and drive, of the seeds that judge."""
     lines = [
-        "| actuator, drive | single, 3 %: first | clean: named | median CPU s | largest |",
-        "| --- " * 5 + "|",
+        "| actuator, drive | single, 3 %: first | ... of what can be shown | clean: named | median CPU s | largest |",
+        "| --- " * 6 + "|",
     ]
     for rig, drive in LATER_RIGS:
         own = [row for row in rows if (row["rig"], row["drive"]) == (rig, drive) and "verdict" in row]
         judged = list(filter(judges, own))
         single, clean = ([row for row in judged if row["kind"] == kind] for kind in ("single", "clean"))
         seconds = [row["cpu_seconds"] for row in own] or [np.nan]
-        named = sum(not nameless(row) for row in clean)
-        cells = (rate(sum(map(right_first, single)), len(single)), rate(named, len(clean)))
-        lines.append(f"| {rig}, {drive} | {cells[0]} | {cells[1]} | {np.median(seconds):.0f} | {max(seconds):.0f} |")
+        first = [rate(sum(map(right_first, some)), len(some)) for some in (single, list(filter(can_be_shown, single)))]
+        cells = (*first, rate(sum(not nameless(row) for row in clean), len(clean)))
+        lines.append(f"| {rig}, {drive} | {' | '.join(cells)} | {np.median(seconds):.0f} | {max(seconds):.0f} |")
     return "\n".join(lines)
 
 

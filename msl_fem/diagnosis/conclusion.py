@@ -100,60 +100,40 @@ def conclude(
     tell : is told what is looked at
     """
     models = [kind.extend(fit) for fit in result.fits[: result.taken + 1]]
-    followed = [*zip(models, result.fits, strict=False), (kind.belief, None)]  # what a fit has come to takes longest
-    *of_models, nominal = in_threads(lambda one: kind.errors(*one), followed, threads)
-    nominal, *signals = on_common_ground([nominal, *of_models])
-    errors = [[signal.summary for signal in of_model] for of_model in signals]
+    nominal, *signals = _followed(kind, models, result.fits, threads)
     gains, worse = _held_out(signals, result)
-    confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]
-    main, (named, notes) = main_cause(result, worse), _named(kind, result, confirmed)
-    compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
-    if compensating:
-        kept = _without_patches(kind, result, models, threads=threads)
-        main, (named, notes) = main_cause(kept, worse), _named(kind, kept, confirmed)
-        which = "the first is" if kept.taken == 1 else f"the first {kept.taken} are"
-        notes.append(f"several effects together leave what a function of one variable explains; only {which} kept")
-    result = named
-    if result.unclear and result.stages[-1].best is not None:
-        probable = result.stages[-1].best.variant.effect
-        notes.append(f"unclear: {probable} is most probable, {result.unclear} takes most of what is in excess of noise")
-    faint = _faint(kind, result, models[result.taken], threads=threads)
-    explained = white(result.excesses[result.taken]) and not compensating and not faint
-    if compensating or faint or _left_elsewhere(result):
-        result, main = _without_wander(result, main, notes)
-    n = result.taken
-    notes += _about_starts(result, gains)
-    believed = [signal.summary for signal in nominal]
-    accuracy = tuple(Accuracy(*three, kind.prediction) for three in zip(believed, errors[0], errors[n], strict=True))
+    names = _names(kind, result, models, gains, worse, threads=threads)
+    result, n, notes = names.result, names.result.taken, [*names.notes, *_about_starts(names.result, gains)]
+    believed, by_instruments, at_end = ([one.summary for one in of] for of in (nominal, signals[0], signals[n]))
     extended = None if worse_than_belief(nominal, signals[n]) else models[n]
     if extended is None:
         notes.append(NO_EXTENDED_MODEL)
-    unfaithful = _unfaithful(errors[n], kind) if n else ""
-    if faint:
-        notes.append(faint)
-    notes += kind.above_noise(result.final) if explained else []
+    unfaithful = _unfaithful(at_end, kind) if n else ""
+    if names.faint:
+        notes.append(names.faint)
+    notes += kind.above_noise(result.final) if names.explained else []
     schedules = kind.likelihood.problem.schedules
     scheduling = scheduled_estimates(kind.belief, result.final, schedules)
     unexplained = Unexplained(0.0)
     ranked: list[Dependence] = []
     if unfaithful:
         unexplained = Unexplained(share_left(result.excesses, n), next_experiment=kind.look_further(()))
-    elif not explained:
+    elif not names.explained:
         tell("what is left over every variable")
         unexplained, ranked = _left(kind, result, models[n], threads=threads)
     n_named = 0 if unfaithful else n
     found = Diagnosis(
-        _verdict(n, explained),
-        _reason(result, explained),
+        _verdict(n, names.explained),
+        _reason(result, names.explained),
         tuple(_cause(kind, result, stage, gains[stage]) for stage in range(n_named)),
         unexplained,
-        accuracy,
+        tuple(Accuracy(*three, kind.prediction) for three in zip(believed, by_instruments, at_end, strict=True)),
         believed_estimates(kind.belief, result.final),
         models[0],
         extended,
         threshold,
         result.stages[0].null,
-        main,
+        names.main,
         hidden_at_most(result.stages[0].scores),
         statistics=statistics_of(result.stages),
         notes=(*kind.notes, *notes, *about_schedules(schedules, scheduling)),
@@ -170,6 +150,54 @@ def conclude(
         correlation=correlation_of(result.final),
     )
     return _undecided(found, result, unfaithful, kind) if unfaithful else found
+
+
+def _followed(
+    kind: Kind, models: Sequence[ModelHypothesis], fits: Sequence[Fit], threads: int
+) -> list[list[ErrorSignal]]:
+    """The errors of the belief, and of each model, whose numbers are those of a fit, over what all of them follow."""
+    every = [*zip(models, fits, strict=False), (kind.belief, None)]  # what a fit has come to takes longest
+    *of_models, nominal = in_threads(lambda one: kind.errors(*one), every, threads)
+    return on_common_ground([nominal, *of_models])
+
+
+@dataclass(frozen=True, eq=False)
+class _Names:
+    """What is named of a search: `result`, with so many of its effects taken; `faint`, why these may be none."""
+
+    result: EffectSearch
+    main: MainCause | None
+    notes: list[str]
+    explained: bool
+    faint: str
+
+
+def _names(
+    kind: Kind,
+    result: EffectSearch,
+    models: Sequence[ModelHypothesis],
+    gains: Sequence[float],
+    worse: Sequence[bool],
+    *,
+    threads: int,
+) -> _Names:
+    """What is named of a search, by what its effects bring on held-out data."""
+    confirmed = [gain if bad else max(gain, 0.0) for gain, bad in zip(gains, worse, strict=True)]
+    main, (named, notes) = main_cause(result, worse), _named(kind, result, confirmed)
+    compensating = named.taken > 1 and _compensating(kind, result, models[result.taken], threads=threads)
+    if compensating:
+        kept = _without_patches(kind, result, models, threads=threads)
+        main, (named, notes) = main_cause(kept, worse), _named(kind, kept, confirmed)
+        which = "the first is" if kept.taken == 1 else f"the first {kept.taken} are"
+        notes.append(f"several effects together leave what a function of one variable explains; only {which} kept")
+    if named.unclear and named.stages[-1].best is not None:
+        probable = named.stages[-1].best.variant.effect
+        notes.append(f"unclear: {probable} is most probable, {named.unclear} takes most of what is in excess of noise")
+    faint = _faint(kind, named, models[named.taken], threads=threads)
+    explained = white(named.excesses[named.taken]) and not compensating and not faint
+    if compensating or faint or _left_elsewhere(named):
+        named, main = _without_wander(named, main, notes)
+    return _Names(named, main, notes, explained, faint)
 
 
 def _held_out(models: Sequence[Sequence[ErrorSignal]], result: EffectSearch) -> tuple[list[float], list[bool]]:
