@@ -135,8 +135,7 @@ def _put_some(
             own[failed] = other
         moved[~np.isfinite(moved).all(axis=1)] = residual  # no slope to be had: the unknown stays where it is
     put_slopes(list(columns), moved, residual, step, threads=likelihood.threads_here)
-    slopes = [np.nan_to_num((a - b) / step[:, None, None]) for a, b in zip(led, nearer or (), strict=False)]
-    return tuple(slopes)
+    return tuple((a - b) / step[:, None, None] for a, b in zip(led, nearer or (), strict=False))
 
 
 def numbers_and_starts(likelihood: "Likelihood", points: Points) -> tuple[Array, Starts, float]:

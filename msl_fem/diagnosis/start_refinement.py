@@ -143,7 +143,7 @@ class StartRefinement:
     def move(self) -> None:
         """A Gauss-Newton step of the starts, or a part of it."""
         assert self._kept is not None
-        moves = self._part[:, None] * np.nan_to_num(self.best.moves(self._kept.left[:, None])[0])
+        moves = self._part[:, None] * self.best.moves(self._kept.left[:, None])[0]
         largest = float(np.abs(moves).max())
         self.settled, self.near_by = largest < SETTLED or self._idle >= MOST_IDLE, largest < NEAR_BY
         self.cut = replace(self.best, starts=moved(self.best.starts, moves * self._sigmas))

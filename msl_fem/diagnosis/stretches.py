@@ -85,6 +85,7 @@ class Stretches:
     def _moves(self, over: Array, *, leave_out: bool) -> Array:
         moves = np.empty((over.shape[1], self.begins.size, self.slopes.shape[1]))
         put_moves(moves, over, self.slopes, self.begins, self._inverse, leave_out)
+        moves[~np.isfinite(moves).all(axis=2)] = 0.0  # where nothing can be simulated a start stays where it is
         return moves
 
     def orthonormal(self) -> Array:

@@ -9,6 +9,7 @@ from conftest import ROOT
 
 from msl_fem.actuator import load_actuator
 from msl_fem.diagnosis import DiagnosisSettings, diagnose
+from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import LOST, ErrorSignal, on_common_ground
 from msl_fem.diagnosis.problem import FitProblem, Points, lanes
 from msl_fem.diagnosis.runs import dynamic_runs
@@ -61,6 +62,20 @@ def test_what_does_not_count_are_the_stretches_that_reach_below(record: Record, 
     assert sum("do not count" in note for note in kind.notes) == 2
     points = Points.of(kind.unknowns, np.zeros((1, kind.unknowns.size)))
     assert len(kind.likelihood.labels) == len(kind.likelihood.spectra(points)[0])
+
+
+def test_a_fit_goes_on_beside_stretches_outside(record: Record, short_table: MagneticTable) -> None:
+    """Their starts stay where they are: what cannot be simulated does not move, and holds up no step of a fit."""
+    runs = [run_data(record, run) for run in record.runs]
+    kind = dynamic_runs(record, ModelHypothesis(record.actuator, short_table), runs)
+    cut = kind.likelihood.problem.cuts[0]
+    points = Points.of(kind.unknowns, np.zeros((1, kind.unknowns.size)))
+    _, [starts], _ = kind.likelihood.spectra_and_starts(points)
+    assert 0 < np.sum(cut.outside) < cut.outside.size
+    assert np.isfinite(starts).all()
+    assert np.any(np.all(starts[0] == cut.starts, axis=1) & cut.outside)
+    found = fit(kind.likelihood, kind.unknowns, np.zeros(kind.unknowns.size), plan=FitPlan(most_steps=4))
+    assert found.objective < kind.likelihood.objective(kind.unknowns, np.zeros(kind.unknowns.size)) - 5.0
 
 
 @pytest.mark.parametrize("count", [1, 3])
