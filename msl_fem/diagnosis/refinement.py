@@ -131,9 +131,9 @@ class Refinement:
         others = [refit for refit in refined[1:] if refit.variant not in again]
         forms = self._other_forms(leader, others)
         for refit in [*anew, *(one for one in others if one not in forms)]:
-            is_near = refit.gain > 0 and refit.gain + refit.fit.to_come(LAST_STEPS) > leader.gain - margin
+            is_near = refit.gain > 0 and _at_its_end(refit) > leader.gain - margin
             (near if is_near else far).append(refit)
-        converged = self._together(lambda refit: self.converged(refit, leads=False), near)
+        converged = self._together(lambda one: self.converged(one, behind=leader.gain - one.gain), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
 
     def _lost_from_small_amounts(self, kept: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
@@ -323,12 +323,13 @@ class Refinement:
         plan = FitPlan(RACED_STEPS, refit.fit.damping, enough=refit.enough, fresh_end=False)
         return self._leg(refit, plan)
 
-    def converged(self, refit: Refit, *, leads: bool) -> Refit:
+    def converged(self, refit: Refit, *, leads: bool = False, behind: float = np.inf) -> Refit:
         """A candidate in front, its columns in the end those of that point, of which a further step would gain next to
-        nothing."""
+        nothing: of one that leads, or lies so few nats `behind` that what it has left undone may decide."""
         enough = max(ROUGHLY_CONVERGED if self.base.unknowns.effects else CONVERGED, FRACTION * refit.gain)
         ended = max(ROUGHLY_CONVERGED, min(LED * refit.gain, ROUGH))
-        enough = min(enough, ended) if leads else max(enough, ROUGHLY_CONVERGED)
+        decides = behind < CATCHING_UP * enough
+        enough = min(enough, ended) if leads or decides else max(enough, ROUGHLY_CONVERGED)
         little = FRACTION * refit.gain if leads else 0.0
         plan = FitPlan(LAST_STEPS, refit.fit.damping, enough=enough, little=little, fresh_begin=leads)
         led = None
@@ -579,6 +580,13 @@ def _apart(variant: Variant, leader: Refit) -> float:
     """How far the first shape of a variant begins from where that of a leader is, as a logarithm."""
     at = leader.fit.unknowns.effect_vector(leader.fit.z)[variant.shapes[0].place]
     return float(abs(np.log(variant.shapes[0].centre / at)))
+
+
+def _at_its_end(refit: Refit) -> float:
+    """Nats that a candidate may come to: where little of its gain was left to the end, with what some steps promise so
+    many times over, for where it is a model of many nats promises but part of what it leads to."""
+    left = refit.fit.to_come(LAST_STEPS)
+    return refit.gain + left if refit.promising else max(refit.gain + left, refit.reach)
 
 
 def _may_lead(before: Refit, after: Refit, leader: float) -> bool:

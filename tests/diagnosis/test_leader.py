@@ -11,7 +11,7 @@ from msl_fem.diagnosis.fit import FIRST_LOOK
 from msl_fem.diagnosis.fit_memory import FitMemory
 from msl_fem.diagnosis.likelihood import Columns, Fit
 from msl_fem.diagnosis.problem import Points
-from msl_fem.diagnosis.refinement import MORE_LEGS, SIZES, Refinement, _is_behind, _may_lead
+from msl_fem.diagnosis.refinement import MORE_LEGS, SIZES, Refinement, _at_its_end, _is_behind, _may_lead
 from msl_fem.diagnosis.refits import CATCHING_UP, RACED_STEPS, SCREENING_STEPS, Refit
 from msl_fem.diagnosis.screening import Screening
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
@@ -101,11 +101,21 @@ def test_a_leader_goes_on_while_it_gains_and_others_take_one_leg(fits) -> None:
 
 
 @pytest.mark.parametrize(
-    ("leads", "gain", "enough"), [(True, 1e6, 5.0), (True, 2e4, 2.0), (True, 1e3, 0.5), (False, 1e3, 5.0)]
+    ("how", "gain", "enough"),
+    [
+        ({"leads": True}, 1e6, 5.0),
+        ({"leads": True}, 2e4, 2.0),
+        ({"leads": True}, 1e3, 0.5),
+        ({"behind": 16.0}, 1e3, 5.0),
+        ({"behind": 14.0}, 1e3, 0.5),
+        ({"behind": 1600.0}, 1e5, 500.0),
+        ({"behind": 1400.0}, 1e5, 5.0),
+    ],
 )
 def test_a_leader_begins_with_new_columns_and_is_led_nearly_to_its_end(
-    monkeypatch, leads: bool, gain: float, enough: float
+    monkeypatch, how: dict[str, Any], gain: float, enough: float
 ) -> None:
+    """As is, with the columns that it has, one so near behind that what it has left undone may decide."""
     plans: list[Any] = []
 
     def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, plan: Any, columns: object) -> Refit:
@@ -113,8 +123,14 @@ def test_a_leader_begins_with_new_columns_and_is_led_nearly_to_its_end(
         return refit(list(z), gain, 0.0)
 
     monkeypatch.setattr(Refinement, "_refit", fitted)
-    Refinement(BASE, lambda text: None, FitMemory()).converged(refit([0.1, 0.1, 0.3], gain), leads=leads)
-    assert [(one.fresh_begin, one.enough) for one in plans] == [(leads, pytest.approx(enough))]
+    Refinement(BASE, lambda text: None, FitMemory()).converged(refit([0.1, 0.1, 0.3], gain), **how)
+    assert [(one.fresh_begin, one.enough) for one in plans] == [("leads" in how, pytest.approx(enough))]
+
+
+@pytest.mark.parametrize(("left", "most"), [(400.0, 1200.0), (600.0, 600.0)])
+def test_what_was_left_to_the_end_may_be_more_than_it_promises(left: float, most: float) -> None:
+    """Of 1e5 nats 500 are left to it; what goes on while it promises more has shown what comes of that."""
+    assert _at_its_end(refit([0.1, 0.1, 0.3], 1e5, left)) == pytest.approx(1e5 + most)
 
 
 def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
