@@ -374,18 +374,23 @@ class Refinement:
         return leader if best is leader else self.converged(best, leads=True)
 
     def _fuller(self, leader: Refit, others: Sequence[Refit]) -> Refit:
-        """A leader, or the better of it and another candidate of its effect with further amounts begun where it is.
-        Such a one is, at its best, no more than a few nats behind: where it is further, it has lost its way."""
+        """A leader, or the better of it and another form of its effect with further amounts or shapes begun where it
+        is. Such a one is, at its best, no more than a few nats behind: where it is further, it has lost its way."""
         first = self.base.unknowns.size
         led = {one.place: leader.fit.z[n] for n, one in enumerate(leader.variant.unknowns, first)}
-        own = {amount.place for amount in leader.variant.amounts}
-        more = [one for one in others if own < {amount.place for amount in one.variant.amounts}]
+        own, alike = {amount.place for amount in leader.variant.amounts}, set(leader.variant.unknowns)
+        more = [
+            one
+            for one in others
+            if own < {amount.place for amount in one.variant.amounts} or alike < set(one.variant.unknowns)
+        ]
         best = max(more, key=lambda one: one.gain, default=leader)
         if self.lost or best is leader or best.gain > leader.gain - NEAR:
             return leader
         variant = best.variant
-        self.tell(f"{leader.variant.effect}, which leads, with further amounts: {variant.name}")
-        begin = [led[one.place] if one in variant.amounts and one.place in own else 0.0 for one in variant.unknowns]
+        self.tell(f"{leader.variant.effect}, which leads, with further numbers: {variant.name}")
+        kept = {*alike, *(amount for amount in variant.amounts if amount.place in own)}
+        begin = [led[one.place] if one in kept else 0.0 for one in variant.unknowns]
         z = np.concatenate([leader.fit.z[:first], begin])
         on = self._tried(leader.fit, variant, z, FitPlan(LAST_STEPS, enough=ROUGH))
         if on is None or on.gain <= leader.gain:

@@ -456,6 +456,13 @@ LAG, SLEW = (EffectUnknown("amplifier_bandwidth", name) for name in ("lag", "sle
 DETUNED = EffectUnknown("amplifier_bandwidth", "bandwidth_error")
 DRIVES = {name: Variant("amplifier_bandwidth", amounts) for name, amounts in
           {"slew": (SLEW,), "both": (LAG, SLEW), "detuned": (DETUNED,)}.items()}  # fmt: skip
+LOST_SHARE = EffectUnknown("drive_limit", "lost_share")
+LIMIT, CORNER = (EffectUnknown("drive_limit", name, at, 0.1) for name, at in (("limit", 5.0), ("corner", 0.6)))
+DRIVES |= {
+    "sharp": Variant("drive_limit", (LOST_SHARE,), (LIMIT,)),
+    "smooth": Variant("drive_limit", (LOST_SHARE,), (LIMIT, CORNER)),
+    "elsewhere": Variant("drive_limit", (LOST_SHARE,), (replace(LIMIT, centre=7.0), CORNER)),
+}
 
 
 def drive(name: str, z: list[float], gain: float) -> Refit:
@@ -512,3 +519,21 @@ def test_the_race_ends_where_one_alone_goes_on_and_leads(fits, monkeypatch) -> N
     still = replace(refit([3.0, 2.0, 0.2], 6700.0, 0.1), variant=Variant("structural_mode", ()))
     race.raced([refit([3.0, 2.0, 0.3], 5000.0), still])
     assert steps == [5000.0, 5500.0, 6000.0, 6500.0]
+
+
+def test_a_leader_is_begun_with_a_further_shape_where_it_is(monkeypatch) -> None:
+    """A limit that sets in at once leads, and from there the corner has a way; not where its limit is another one."""
+    begun: list[list[float]] = []
+
+    def fitted(self: Refinement, near: Fit, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        begun.append(z.tolist())
+        return drive("smooth", z.tolist(), 12000.0)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr(Refinement, "converged", lambda self, refit, *, leads: refit)
+    leader = drive("sharp", [0.1, 0.2, 0.3, 0.4], 9000.0)
+    race = Refinement(BASE, lambda text: None, FitMemory())
+    assert race._fuller(leader, [drive("elsewhere", [0.0, 0.0, 0.5, 0.0, 0.0], 8000.0)]) is leader
+    found = race._fuller(leader, [drive("smooth", [5.0, 5.0, 0.9, 0.9, 0.9], 8000.0)])
+    assert begun == [[0.1, 0.2, 0.3, 0.4, 0.0]]
+    assert found.variant == DRIVES["smooth"]
