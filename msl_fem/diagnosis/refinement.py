@@ -588,8 +588,8 @@ def _apart(variant: Variant, leader: Refit) -> float:
 
 
 def _at_its_end(refit: Refit) -> float:
-    """Nats that a candidate may come to: where little of its gain was left to the end, with what some steps promise so
-    many times over, for where it is a model of many nats promises but part of what it leads to."""
+    """Nats that a candidate may come to. Of one that goes no further since it promises little of its gain, that little
+    counts several times, as in `Refit.promised`: many steps bring more than a linear model says at the first."""
     left = refit.fit.to_come(LAST_STEPS)
     return refit.gain + left if refit.promising else max(refit.gain + left, refit.reach)
 
