@@ -534,7 +534,7 @@ def test_candidates_begin_anew_beside_a_base_beyond_sanity_alone(begun, monkeypa
     race = refinement([2 * SANE, 0.0], sane=sane)
     monkeypatch.setattr(Refinement, "screened", lambda self, score: screened)
     monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
-    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, **how: one)
     found = race.best_first([SimpleNamespace(variant=CUBIC, gain=100.0)])  # type: ignore[list-item]
     assert len(begun) == times
     assert found[0].gain == (5000.0 if times else 100.0)
@@ -550,7 +550,7 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     monkeypatch.setattr(Refinement, "from_small_amounts", lambda self, refit, *_, **__: next(anew))
     raced: list[float] = []
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: raced.extend(one.gain for one in kept) or list(kept))
-    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, **how: one)
     scored = [SimpleNamespace(variant=CUBIC, gain=gain) for gain in (1000.0, 300.0, 200.0)]
     found = race.best_first(scored)  # type: ignore[arg-type]
     assert raced == [9000.0]
@@ -581,7 +581,7 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
     monkeypatch.setattr(Refinement, "screened", lambda self, score: next(screened))
     monkeypatch.setattr(Refinement, "screened_on", lambda self, refit: refit)
-    monkeypatch.setattr(Refinement, "converged", lambda self, one, *, leads: one)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, **how: one)
     monkeypatch.setattr(Refinement, "_fuller", lambda self, leader, others: leader)
 
     def anew(self: Refinement, one: Refit, least: float, *, by_itself: bool = False) -> Refit:
