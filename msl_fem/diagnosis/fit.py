@@ -142,8 +142,8 @@ def fit(
     """
     rounds = _Rounds(likelihood, unknowns, plan or FitPlan(), unknowns.allowed(start))
     rounds.known, rounds.begun, rounds.free = nuisance_columns, goes_on, goes_on if takes_columns else None
-    for n, trials in enumerate(rounds.trials, 1):
-        come_to = rounds.descended(n, trials)
+    for n in range(1, len(rounds.trials) + 1):
+        come_to = rounds.descended(n)
         if not rounds.goes_on(n, come_to):
             break
     return replace(come_to.found, sane=rounds.sane)
@@ -268,9 +268,9 @@ class _Rounds:
         self.simulations, self.idle = 0, 0
         self.least, self.most_heat = np.inf, np.inf
 
-    def descended(self, n: int, trials: int) -> _Round:
-        """The n-th round, of so many trials."""
-        how, unknowns = self.how, self.unknowns
+    def descended(self, n: int) -> _Round:
+        """The n-th round."""
+        how, unknowns, trials = self.how, self.unknowns, self.trials[n - 1]
         posterior = _FitPosterior(
             self.likelihood, unknowns, how, self.start_slopes if self.begun is None else self.begun.start_slopes
         )

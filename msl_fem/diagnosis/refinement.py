@@ -377,20 +377,15 @@ class Refinement:
         """A leader, or the better of it and another form of its effect with further amounts or shapes begun where it
         is. Such a one is, at its best, no more than a few nats behind: where it is further, it has lost its way."""
         first = self.base.unknowns.size
-        led = {one.place: leader.fit.z[n] for n, one in enumerate(leader.variant.unknowns, first)}
-        own, alike = {amount.place for amount in leader.variant.amounts}, set(leader.variant.unknowns)
-        more = [
-            one
-            for one in others
-            if own < {amount.place for amount in one.variant.amounts} or alike < set(one.variant.unknowns)
-        ]
+        led = dict(zip(leader.variant.unknowns, leader.fit.z[first:], strict=True))
+        own = set(leader.variant.amounts)
+        more = [one for one in others if own < set(one.variant.amounts) or led.keys() < set(one.variant.unknowns)]
         best = max(more, key=lambda one: one.gain, default=leader)
         if self.lost or best is leader or best.gain > leader.gain - NEAR:
             return leader
         variant = best.variant
         self.tell(f"{leader.variant.effect}, which leads, with further numbers: {variant.name}")
-        kept = {*alike, *(amount for amount in variant.amounts if amount.place in own)}
-        begin = [led[one.place] if one in kept else 0.0 for one in variant.unknowns]
+        begin = [led.get(one, 0.0) for one in variant.unknowns]
         z = np.concatenate([leader.fit.z[:first], begin])
         on = self._tried(leader.fit, variant, z, FitPlan(LAST_STEPS, enough=ROUGH))
         if on is None or on.gain <= leader.gain:

@@ -12,7 +12,7 @@ from msl_fem.diagnosis import DiagnosisSettings, diagnose
 from msl_fem.diagnosis.fit import FitPlan, fit
 from msl_fem.diagnosis.kind import LOST, ErrorSignal, on_common_ground
 from msl_fem.diagnosis.problem import FitProblem, Points, lanes
-from msl_fem.diagnosis.runs import dynamic_runs
+from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.shooting import guessed
 from msl_fem.diagnosis.unknowns import Unknowns
 from msl_fem.errors import InputError
@@ -47,10 +47,17 @@ def short_table(record: Record) -> MagneticTable:
     return table
 
 
-def test_what_does_not_count_are_the_stretches_that_reach_below(record: Record, short_table: MagneticTable) -> None:
+@pytest.fixture(scope="module")
+def kind(record: Record, short_table: MagneticTable) -> Runs:
+    runs = [run_data(record, run) for run in record.runs]
+    return dynamic_runs(record, ModelHypothesis(record.actuator, short_table), runs)
+
+
+def test_what_does_not_count_are_the_stretches_that_reach_below(
+    kind: Runs, record: Record, short_table: MagneticTable
+) -> None:
     """And hardly more: every sample below, and at most as many beside them that lie inside."""
     runs = [run_data(record, run) for run in record.runs]
-    kind = dynamic_runs(record, ModelHypothesis(record.actuator, short_table), runs)
     below = levitator.GAP - runs[0].measured["position_m"] < short_table.gap[0] - 4 * levitator.POSITION_NOISE
     counts = kind.likelihood.problem.counts(0)
     assert not np.any(counts & below)
@@ -64,10 +71,8 @@ def test_what_does_not_count_are_the_stretches_that_reach_below(record: Record, 
     assert len(kind.likelihood.labels) == len(kind.likelihood.spectra(points)[0])
 
 
-def test_a_fit_goes_on_beside_stretches_outside(record: Record, short_table: MagneticTable) -> None:
+def test_a_fit_goes_on_beside_stretches_outside(kind: Runs) -> None:
     """Their starts stay where they are: what cannot be simulated does not move, and holds up no step of a fit."""
-    runs = [run_data(record, run) for run in record.runs]
-    kind = dynamic_runs(record, ModelHypothesis(record.actuator, short_table), runs)
     cut = kind.likelihood.problem.cuts[0]
     points = Points.of(kind.unknowns, np.zeros((1, kind.unknowns.size)))
     _, [starts], _ = kind.likelihood.spectra_and_starts(points)

@@ -84,9 +84,9 @@ class Twin:
         gaps = self.p.nominal_gap + offset + np.array([centring - x, -centring + x])
         return np.array([self.magnet(y[j], gaps[j]) for j in range(2)]), gaps, np.array([-v, v])
 
-    def linked(self, y: np.ndarray) -> np.ndarray:
-        """The flux linkages of both sides, leakage with them."""
-        return self.sides(y)[0][:, 0] + self.stray @ y[:2]
+    def linked(self, values_of: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The flux linkages of both sides, of these values, leakage with them."""
+        return values_of[:, 0] + self.stray @ y[:2]
 
     def at_rest(self) -> np.ndarray:
         """The state without a current of the coils, with the sides' own flux."""
@@ -118,7 +118,7 @@ class Twin:
                 [-np.diag(resistance) + np.diag(ind * w), one, none],
             ]
         )
-        taken = self.iron(self.linked(y), self.remanent)
+        taken = self.iron(self.linked(values_of, y), self.remanent)
         found = np.linalg.solve(matrix, np.r_[y[:2] + taken, np.zeros(2), emf + ind * w * command])
         return found[:2], found[2:4], found[4:]
 
@@ -163,7 +163,7 @@ def twin(actuator: Actuator, table: MagneticTable, inputs: Inputs, values: Effec
     plant, rows, period, before = Twin(actuator, table, values), [], 1 / inputs.rate, np.zeros(2)
     y = plant.at_rest()
     for k, (command, push) in enumerate(zip(inputs.commands, np.asarray(inputs.disturbance), strict=True)):
-        current, flux = plant.circuits(y, before)[0], plant.mix @ plant.linked(y)
+        current, flux = plant.circuits(y, before)[0], plant.mix @ plant.linked(plant.sides(y)[0], y)
         end = solve_ivp(
             plant.rate, (k * period, (k + 1) * period), np.r_[y[:12], 0, 0], method="DOP853", rtol=1e-10, atol=1e-13,
             args=(command, push), max_step=period / 2,
