@@ -37,7 +37,7 @@ from msl_fem.diagnosis.refits import (
     started,
     strained,
 )
-from msl_fem.diagnosis.scores import Score
+from msl_fem.diagnosis.scores import Score, scored
 from msl_fem.diagnosis.screening import Screening
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
@@ -68,8 +68,8 @@ MADE_UP = ("remanent_flux",)
 """Effects that gains make up for as far as that: where more than noise is left their refits begin once more with all
 else as believed."""
 HIDDEN = 30.0
-"""Nats above white noise as loud as the instruments show it, with which a leader whose residuals are no larger than
-noise may stand in for such an effect all the same."""
+"""Nats that such an effect has to bring, by the linear model, beside a leader whose residuals are no larger than noise,
+where that stands in for it all the same."""
 HELD_UP = ("force_offset",)
 """Effects that a mass makes up for where the magnets carry it."""
 NEAR = 15.0  # nats behind the best within which refits are converged
@@ -177,10 +177,16 @@ class Refinement:
         return [after for before, after in zip(bent, begun, strict=True) if after is not before]
 
     def _stands_in(self, leader: Refit) -> bool:
-        """Whether a leader beside bent parameters leaves more than noise, by its residuals' size or by its nats."""
+        """Whether a leader beside bent parameters leaves more than noise: by its residuals' size, or by what effects
+        that gains make up for bring beside it."""
         if self.lost or not strained(self.base, BENT):
             return False
-        return not leaves_noise(leader) or leader.fit.nats_above_noise >= HIDDEN
+        if not leaves_noise(leader):
+            return True
+        if leader.variant.effect in MADE_UP:
+            return False
+        bent = [variant for variant in self.variants if variant.effect in MADE_UP]
+        return any(score.gain >= HIDDEN for score in scored(leader.fit, bent, null=False).scores)
 
     def over_all(self, refit: Refit) -> Refit:
         """One that was fitted over a part of the record alone, over all of it if that can be simulated."""

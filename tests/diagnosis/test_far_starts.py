@@ -557,25 +557,33 @@ def test_what_lags_behind_after_it_began_anew_goes_no_further(begun, monkeypatch
     assert [one.gain for one in found] == [9000.0, 100.0]
 
 
+def test_remanence_that_leaves_noise_is_not_begun_anew(monkeypatch) -> None:
+    """It stands in for none of its other forms, and beside itself brings nothing."""
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.scored", lambda *_, **__: pytest.fail("is asked of others"))
+    likelihood = SimpleNamespace(is_cut=False, excess=lambda fit: {"x": 1.0})
+    leader = replace(candidate([2 * SANE, 9.0, 5.0], 1000.0, likelihood), variant=Variant("remanent_flux", ()))
+    assert not refinement([2 * SANE, 0.0])._stands_in(leader)
+
+
 @pytest.mark.parametrize("behind", [False, True])
 @pytest.mark.parametrize(
-    ("left", "nats", "moved", "begins"),
+    ("left", "brings", "moved", "begins"),
     [
-        (2.0, 0.0, 2 * SANE, True),
-        (2.0, 0.0, 3.4, True),
+        (2.0, -5.0, 2 * SANE, True),
+        (2.0, -5.0, 3.4, True),
         (1.05, 20.0, 2 * SANE, False),
         (1.05, 93.0, 2 * SANE, True),
         (1.05, 93.0, 2.0, False),
-        (2.0, 0.0, 2.0, False),
+        (2.0, 93.0, 2.0, False),
     ],
 )
 def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_noise(
-    monkeypatch, left: float, nats: float, moved: float, begins: bool, behind: bool
+    monkeypatch, left: float, brings: float, moved: float, begins: bool, behind: bool
 ) -> None:
-    """By its size or by its nats, and a believed parameter has moved by 2.5 tolerances; beside an effect as without
-    one. It had been eliminated, and leads in the end."""
-    told = {"excess": lambda fit: {"x": left}, "nats_of_noise": lambda *one: -1000.0 - nats}
-    leader = candidate([moved, 9.0, 5.0], 1000.0, SimpleNamespace(is_cut=False, **told))
+    """By its size, or by what that brings beside it, and a believed parameter has moved by 2.5 tolerances; beside an
+    effect as without one. It had been eliminated, and leads in the end."""
+    likelihood = SimpleNamespace(is_cut=False, excess=lambda fit: {"x": left})
+    leader = candidate([moved, 9.0, 5.0], 1000.0, likelihood)
     kept = Variant("remanent_flux", CUBIC.amounts)
     screened = iter([leader, replace(candidate([moved, 9.0, 5.0], 10.0, Amounts()), variant=kept)])
     monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(one) for one in items])
@@ -587,11 +595,18 @@ def test_what_gains_make_up_for_begins_anew_where_the_leader_leaves_more_than_no
     def anew(self: Refinement, one: Refit, least: float, *, by_itself: bool = False) -> Refit:
         return replace(one, gain=20 * least) if by_itself else one
 
+    def beside(found: fitting.Fit, tried: list[Variant], *, null: bool) -> SimpleNamespace:
+        assert found is leader.fit
+        assert tried == [kept]
+        return SimpleNamespace(scores=[SimpleNamespace(gain=brings)])
+
     monkeypatch.setattr(Refinement, "from_small_amounts", anew)
-    scored = [SimpleNamespace(variant=one, gain=100.0) for one in (CUBIC, kept)]
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.scored", beside)
+    scores = [SimpleNamespace(variant=one, gain=100.0) for one in (CUBIC, kept)]
     race = refinement([moved, 0.0])
+    race.variants = CUBIC, kept
     race.base = replace(race.base, unknowns=replace(UNKNOWNS, effects=CUBIC.unknowns if behind else ()))
-    found = race.best_first(scored)  # type: ignore[arg-type]
+    found = race.best_first(scores)  # type: ignore[arg-type]
     gains = [(one.variant.effect, one.gain) for one in found]
     first, last = ("remanent_flux", 5000.0 if begins else 10.0), ("stiffness_nonlinearity", 1000.0)
     assert gains == ([first, last] if begins else [last, first])
