@@ -130,8 +130,10 @@ class Refinement:
         far = [refit for refit in eliminated if refit.variant not in again]
         others = [refit for refit in refined[1:] if refit.variant not in again]
         forms = self._other_forms(leader, others)
+        takes_all = leaves_noise(leader)  # other forms of its effect have next to nothing to come to
         for refit in [*anew, *(one for one in others if one not in forms)]:
-            is_near = refit.gain > 0 and _at_its_end(refit) > leader.gain - margin
+            may_lead = refit.gain > 0 and not (takes_all and refit.variant.effect == leader.variant.effect)
+            is_near = may_lead and _at_its_end(refit) > leader.gain - margin
             (near if is_near else far).append(refit)
         converged = self._together(lambda one: self.converged(one, behind=leader.gain - one.gain), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
@@ -196,7 +198,7 @@ class Refinement:
 
     def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
         """Of the leader's effect, beside a model that is lost: which of them leads on the way there is chance."""
-        if not self.lost:
+        if not self.lost or leaves_noise(leader):
             return []
         return [one for one in refits if one.gain > 0 and one.variant.effect == leader.variant.effect]
 
@@ -380,14 +382,15 @@ class Refinement:
         return leader if best is leader else self.converged(best, leads=True)
 
     def _fuller(self, leader: Refit, others: Sequence[Refit]) -> Refit:
-        """A leader, or the better of it and another form of its effect with further amounts or shapes begun where it
-        is. Such a one is, at its best, no more than a few nats behind: where it is further, it has lost its way."""
+        """A leader, or where that leaves more than noise the better of it and another form of its effect with further
+        amounts or shapes begun where it is. Such a one is, at its best, no more than a few nats behind: where it is
+        further, it has lost its way."""
         first = self.base.unknowns.size
         led = dict(zip(leader.variant.unknowns, leader.fit.z[first:], strict=True))
         own = set(leader.variant.amounts)
         more = [one for one in others if own < set(one.variant.amounts) or led.keys() < set(one.variant.unknowns)]
         best = max(more, key=lambda one: one.gain, default=leader)
-        if self.lost or best is leader or best.gain > leader.gain - NEAR:
+        if self.lost or leaves_noise(leader) or best is leader or best.gain > leader.gain - NEAR:
             return leader
         variant = best.variant
         self.tell(f"{leader.variant.effect}, which leads, with further numbers: {variant.name}")

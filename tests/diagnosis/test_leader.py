@@ -140,15 +140,48 @@ def test_the_better_of_both_is_kept(fits, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("lost", [True, False])
-def test_beside_a_lost_model_the_leader_s_other_forms_are_led_to_their_ends_too(lost: bool) -> None:
+@pytest.mark.parametrize("leaves_noise", [True, False])
+def test_beside_a_lost_model_the_leader_s_other_forms_are_led_to_their_ends_too(
+    monkeypatch, lost: bool, leaves_noise: bool
+) -> None:
+    """But where it leaves noise alone."""
     near = SimpleNamespace(jacobian=np.zeros((1, 1)), sane=None, unknowns=SimpleNamespace(n_nuisance=1))
     base: Any = SimpleNamespace(sane=near, unknowns=near.unknowns) if lost else near
     force, slip, mode = (
         SimpleNamespace(gain=gain, variant=SimpleNamespace(effect=effect))
         for gain, effect in ((3.0, "coulomb_friction"), (2.0, "coulomb_friction"), (2.5, "structural_mode"))
     )
-    refinement = Refinement(base, lambda text: None, FitMemory())
-    assert refinement._other_forms(force, [mode, slip]) == ([slip] if lost else [])  # type: ignore[arg-type, list-item]
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.leaves_noise", lambda one: leaves_noise)
+    forms = Refinement(base, lambda text: None, FitMemory())._other_forms(force, [mode, slip])  # type: ignore[arg-type, list-item]
+    assert forms == ([slip] if lost and not leaves_noise else [])
+
+
+@pytest.mark.parametrize(("left", "led"), [(2.0, [999.0, 998.0]), (1.0, [998.0])])
+def test_beside_a_leader_that_leaves_noise_no_other_form_of_its_effect_is_led_to_its_end(
+    monkeypatch, left: float, led: list[float]
+) -> None:
+    """Eddy currents with a form that is their own but for a number took as long again, to the same end."""
+    converged: list[float] = []
+    mode = Variant("structural_mode", FRICTION.amounts)
+    every = iter([(FRICTION, 1000.0), (FRICTION, 999.0), (mode, 998.0)])
+
+    def screened(self: Refinement, score: Any) -> Refit:
+        variant, gain = next(every)
+        return replace(refit([0.1, 0.1, 0.1], gain, 0.0), variant=variant)
+
+    def ended(self: Refinement, one: Refit, **how: object) -> Refit:
+        converged.append(one.gain)
+        return one
+
+    monkeypatch.setattr(Refinement, "screened", screened)
+    monkeypatch.setattr(Refinement, "screened_on", lambda self, one: one)
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
+    monkeypatch.setattr(Refinement, "converged", ended)
+    monkeypatch.setattr(Fit, "excess", {"position_m": left})
+    scores: Any = [SimpleNamespace(gain=1.0, variant=FRICTION)] * 3
+    found = Refinement(BASE, lambda text: None, FitMemory()).best_first(scores)
+    assert converged == [1000.0, *led]
+    assert [one.gain for one in found] == [1000.0, 999.0, 998.0], "it is told as far as it came"
 
 
 def test_a_candidate_whose_next_step_promises_the_lead_goes_on() -> None:
@@ -537,3 +570,6 @@ def test_a_leader_is_begun_with_a_further_shape_where_it_is(monkeypatch) -> None
     found = race._fuller(leader, [drive("smooth", [5.0, 5.0, 0.9, 0.9, 0.9], 8000.0)])
     assert begun == [[0.1, 0.2, 0.3, 0.4, 0.0]]
     assert found.variant == DRIVES["smooth"]
+    monkeypatch.setattr(Fit, "excess", {"position_m": 1.0})
+    quiet = drive("sharp", [0.1, 0.2, 0.3, 0.4], 9000.0)
+    assert race._fuller(quiet, [drive("smooth", [5.0, 5.0, 0.9, 0.9, 0.9], 8000.0)]) is quiet, "it leaves noise alone"
