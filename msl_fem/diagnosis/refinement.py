@@ -130,7 +130,8 @@ class Refinement:
         far = [refit for refit in eliminated if refit.variant not in again]
         others = [refit for refit in refined[1:] if refit.variant not in again]
         forms = self._other_forms(leader, others)
-        takes_all = leaves_noise(leader)  # other forms of its effect have next to nothing to come to
+        # beside more than noise, other forms of its effect have next to nothing to come to
+        takes_all = leaves_noise(leader) and (self.lost or not white(self.base.excess))
         for refit in [*anew, *(one for one in others if one not in forms)]:
             may_lead = refit.gain > 0 and not (takes_all and refit.variant.effect == leader.variant.effect)
             is_near = may_lead and _at_its_end(refit) > leader.gain - margin
