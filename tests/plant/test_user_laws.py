@@ -1,5 +1,6 @@
 """Users' laws in the kernel: closed forms, lanes, the step count, what designs and inverse dynamics take."""
 
+import inspect
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,8 +20,17 @@ from msl_fem.control import design_model_with_effects
 from msl_fem.errors import ActuatorError, InputError
 from msl_fem.maps import operating_map
 from msl_fem.plant import Inputs, simulate
-from msl_fem.plant.effects import CATALOGUE, EffectValues, MoverMotion, declare, declared, needed_force, values_of
-from msl_fem.plant.effects.expressions import LAW_X, motion_laws, parameter_rows, set_addresses, steepest
+from msl_fem.plant.effects import (
+    CATALOGUE,
+    EffectValues,
+    MoverMotion,
+    declare,
+    declared,
+    expressions,
+    needed_force,
+    values_of,
+)
+from msl_fem.plant.effects.expressions import LAW_X, motion_laws, set_addresses, steepest
 from msl_fem.plant.extended_model import ExtendedModel, load_extended_model, write_extended_model
 from msl_fem.plant.lane_block import LaneSettings
 from msl_fem.plant.lane_run import run_lanes
@@ -144,7 +154,7 @@ def test_the_compiled_law_the_bench_s_program_and_the_tree_agree(servo: Actuator
     program = law_sum(with_law(NO_LAWS, EVERYTHING, values), FORCE, seen)
     assert program == pytest.approx(tree, rel=1e-14)
     e, work = np.zeros(240), np.zeros(20)
-    for (cause, name), row in parameter_rows().items():
+    for (cause, name), row in expressions.parameter_rows(expressions.DECLARED.values()).items():
         e[row] = values[name] if cause == "everything" else 0.0
     work[LAW_X : LAW_X + 6] = seen
     run_compiled(e, work)
@@ -212,6 +222,13 @@ def test_what_a_plant_must_have(servo: Actuator) -> None:
         simulate(one_sided, TABLE, Inputs(np.zeros((10, 1)), 1e4), effects=of("everything", f=1.0))
     with pytest.raises(InputError, match=r"expression:drag.a: 1e\+06 N s\^2/m\^2 is not allowed"):
         of("drag", a=1e6)
+
+
+def test_the_functions_of_no_laws_name_none_of_those_declared() -> None:
+    """They are made while a law of motion alone is simulated, for its voltages, and are printed for a plant without."""
+    expressions._functions.cache_clear()
+    assert not any("expression:" in inspect.getsource(function) for function in expressions._functions(()))
+    assert "expression:drag" in inspect.getsource(expressions.law_functions()[0])
 
 
 def test_declared_causes_go_with_their_block() -> None:

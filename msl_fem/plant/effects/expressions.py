@@ -5,7 +5,7 @@ declared holds for this process, as an import does; a name keeps its law.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from itertools import product
 from typing import Any
@@ -174,9 +174,9 @@ def steepest(expression: LawExpression, plant: PlantParameters, values: Mapping[
     return {name: float(np.max(s, where=np.isfinite(s), initial=0.0)) for name, s in slopes.items()}
 
 
-def parameter_rows() -> dict[tuple[str, str], int]:
-    """Rows of the coefficients by cause and parameter."""
-    names = [(one.name, p.name) for one in DECLARED.values() for p in one.parameters]
+def parameter_rows(expressions: Iterable[LawExpression]) -> dict[tuple[str, str], int]:
+    """Rows of the coefficients by cause and parameter, of these causes alone."""
+    names = [(one.name, p.name) for one in expressions for p in one.parameters]
     return {key: PARAMETERS + n for n, key in enumerate(names)}
 
 
@@ -203,7 +203,7 @@ def law_functions() -> tuple[Callable[..., None], Callable[..., None], Callable[
 def _functions(
     expressions: tuple[LawExpression, ...],
 ) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
-    rows = parameter_rows()
+    rows = parameter_rows(expressions)
     by = {equation: [one for one in expressions if one.equation == equation] for equation in UNIT_OF}
     sides = [(by["voltage"], Places(_OF_SIDE[j], LAW_VOLTAGE_1 + j)) for j in range(2)]
     voltages = sum_of_laws("voltages_of_laws", "Voltages (V) of the sides that users' laws take.", sides, rows)
