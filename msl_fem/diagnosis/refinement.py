@@ -130,11 +130,10 @@ class Refinement:
         far = [refit for refit in eliminated if refit.variant not in again]
         others = [refit for refit in refined[1:] if refit.variant not in again]
         forms = self._other_forms(leader, others)
-        # beside more than noise, other forms of its effect have next to nothing to come to
-        takes_all = leaves_noise(leader) and (self.lost or not white(self.base.excess))
+        settled = {leader.variant.effect} if self._settles(leader) else set()
         for refit in [*anew, *(one for one in others if one not in forms)]:
-            may_lead = refit.gain > 0 and not (takes_all and refit.variant.effect == leader.variant.effect)
-            is_near = may_lead and _at_its_end(refit) > leader.gain - margin
+            may_gain = refit.gain > 0 and refit.variant.effect not in settled
+            is_near = may_gain and _at_its_end(refit) > leader.gain - margin
             (near if is_near else far).append(refit)
         converged = self._together(lambda one: self.converged(one, behind=leader.gain - one.gain), near)
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
@@ -197,9 +196,14 @@ class Refinement:
             return refit
         return self._tried(self.base, refit.variant, refit.fit.z, FitPlan(FIRST_STEPS, enough=ROUGH)) or refit
 
+    def _settles(self, leader: Refit) -> bool:
+        """Whether a leader leaves noise alone where there was more: other forms of its effect have next to nothing to
+        come to then, and would bring no other name."""
+        return leaves_noise(leader) and (self.lost or not white(self.base.excess))
+
     def _other_forms(self, leader: Refit, refits: Sequence[Refit]) -> list[Refit]:
         """Of the leader's effect, beside a model that is lost: which of them leads on the way there is chance."""
-        if not self.lost or leaves_noise(leader):
+        if not self.lost or self._settles(leader):
             return []
         return [one for one in refits if one.gain > 0 and one.variant.effect == leader.variant.effect]
 
@@ -255,7 +259,8 @@ class Refinement:
         behind = [score for score in candidates if score not in front]
         further, ended = self._screened_beside([], front)
         if further and self.takes_all(best := min(further, key=by_gain)):
-            behind = [score for score in behind if score.variant.effect in MADE_UP and self._stands_in(best)]
+            behind = [score for score in behind if score.variant.effect in MADE_UP]
+            behind = behind if behind and self._stands_in(best) else []
         more, also = self._screened_beside(further, behind)
         return [*further, *more], [*ended, *also]
 

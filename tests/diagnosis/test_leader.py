@@ -420,7 +420,7 @@ def test_beside_one_in_front_that_leaves_noise_and_bends_nothing_no_other_is_loo
     assert len(further) + len(ended) == len(looked_at)
 
 
-@pytest.mark.parametrize(("stands_in", "looked_at"), [(True, [10.0, 1.0]), (False, [10.0])])
+@pytest.mark.parametrize(("stands_in", "looked_at"), [(True, [10.0, 1.0, 0.5]), (False, [10.0])])
 def test_beside_one_that_may_stand_in_for_what_gains_make_up_for_that_is_looked_at_too(
     monkeypatch, stands_in: bool, looked_at: list[float]
 ) -> None:
@@ -433,11 +433,14 @@ def test_beside_one_that_may_stand_in_for_what_gains_make_up_for_that_is_looked_
     monkeypatch.setattr(Refinement, "screened", screened)
     monkeypatch.setattr(Refinement, "screened_on", lambda self, one: one)
     monkeypatch.setattr(Refinement, "takes_all", lambda self, one: True)
-    monkeypatch.setattr(Refinement, "_stands_in", lambda self, one: stands_in)
+    asked: list[float] = []
+    monkeypatch.setattr(Refinement, "_stands_in", lambda self, one: asked.append(one.gain) or stands_in)
     remanence = Variant("remanent_flux", FRICTION.amounts)
-    scores: Any = [SimpleNamespace(gain=g, variant=v) for g, v in ((10.0, FRICTION), (2.0, FRICTION), (1.0, remanence))]
+    every = ((10.0, FRICTION), (2.0, FRICTION), (1.0, remanence), (0.5, remanence))
+    scores: Any = [SimpleNamespace(gain=g, variant=v) for g, v in every]
     Refinement(BASE, lambda text: None, FitMemory())._screened(scores)
     assert seen == looked_at
+    assert asked == [1000.0], "once: it simulates"
 
 
 @pytest.mark.parametrize(
