@@ -111,8 +111,9 @@ class Refinement:
         kept, eliminated = _in_front(self._held_up([*further, *ended]))
         let_go(eliminated)
         if self.lost:
-            kept, behind = self._lost_from_small_amounts(kept)
-            eliminated += behind
+            still = _still(eliminated, candidates, max((refit.gain for refit in kept), default=0.0))
+            kept, behind = self._lost_from_small_amounts([*still, *sorted(kept, key=by_gain)])
+            eliminated = [*(refit for refit in eliminated if refit not in still), *behind]
         raced = self.raced(kept)
         let_go(sorted(raced, key=by_gain)[1:])
         eliminated += [refit for refit in raced if refit.gain > 0 and self.hopeless(refit)]
@@ -139,13 +140,13 @@ class Refinement:
         return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
 
     def _lost_from_small_amounts(self, kept: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
-        """Candidates beside a model that is lost, begun once more, and those too far behind the best. The others go on
-        if they promise to come as far as the one in front: the right cause does. Where what comes of those near it
-        takes all, those farther behind do not begin again, nor does any that did so over a part of the record already;
-        over such a part, which does not decide, nearly all will do."""
+        """Candidates beside a model that is lost, the likeliest first, begun once more, and those too far behind the
+        best. The others go on if they promise to come as far as the one in front: the right cause does. Where what
+        comes of those near it takes all, those farther behind do not begin again, nor does any that did so over a part
+        of the record already; over such a part, which does not decide, nearly all will do."""
         if not kept:
             return [], []
-        first, *others = sorted(kept, key=by_gain)
+        first, *others = kept
         if self.ends and self.takes_all(first):
             return _in_front(kept)
         self.tell(f"once more with small amounts and all else as believed: {', '.join(effects_among(kept))}")
@@ -572,6 +573,14 @@ def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
     best = max((refit.gain for refit in refits), default=0.0)
     behind = [refit for refit in refits if _is_behind(refit, best)]
     return [refit for refit in refits if refit not in behind], behind
+
+
+def _still(refits: Sequence[Refit], scores: Sequence[Score], best: float) -> list[Refit]:
+    """Candidates no step of which led down though the linear model says more of them than the best has gained, the
+    likeliest first: where the way there cannot be simulated, what they have come to tells nothing of them."""
+    said = {score.variant: score.gain for score in scores}
+    found = [refit for refit in refits if refit.fit.stuck and said[refit.variant] > best]
+    return sorted(found, key=lambda refit: -said[refit.variant])
 
 
 def _is_behind(refit: Refit, best: float) -> bool:

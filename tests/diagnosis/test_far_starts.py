@@ -17,7 +17,7 @@ from msl_fem.diagnosis.problem import Points
 from msl_fem.diagnosis.refinement import NEAR, Refinement
 from msl_fem.diagnosis.refits import SMALL, Refit
 from msl_fem.diagnosis.runs import Runs
-from msl_fem.diagnosis.scores import ScoredVariants
+from msl_fem.diagnosis.scores import Score, ScoredVariants
 from msl_fem.diagnosis.unknowns import EffectUnknown, Unknowns
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.errors import ComputationError
@@ -468,13 +468,46 @@ def test_beside_a_lost_model_what_is_far_behind_one_that_takes_all_does_not_begi
     monkeypatch.setattr(fitting.Fit, "nats_of_noise", -105.0)  # 5 below what the one in front leaves, 105 below all
     base = base_at([2 * SANE, 0.0], base_at([1.0, 0.0]))
     race = Refinement(base, str, FitMemory(), **told)  # type: ignore[arg-type]
-    every = [candidate([moved, 0.0, 5.0], gain, Amounts()) for gain in (90.0, 100.0, 30.0)]
+    every = [candidate([moved, 0.0, 5.0], gain, Amounts()) for gain in (100.0, 90.0, 30.0)]
     kept, behind = race._lost_from_small_amounts(every)
     assert [one for one, *_ in asked] == begin
     assert [rest for _, *rest in asked] == [[-np.inf, True], *[[101.0 - NEAR, False]] * 2][: len(asked)]
     assert not behind
     assert sorted(one.gain for one in kept) == [30.0 + (30.0 in begin), 90.0 + bool(begin), 100.0 + bool(begin)]
     assert race._lost_from_small_amounts([]) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("lost", "stuck", "said", "first"),
+    [(True, True, 400.0, -5.0), (True, True, 90.0, 100.0), (True, False, 400.0, 100.0), (False, True, 400.0, None)],
+    ids=["says more", "says less", "went on", "not lost"],
+)
+def test_beside_a_lost_model_what_could_not_move_begins_anew_where_the_linear_model_says_more_of_it(
+    monkeypatch: pytest.MonkeyPatch, lost: bool, stuck: bool, said: float, first: float | None
+) -> None:
+    """Heating on a levitator, the linear model's best: no way from its beginning could be simulated, and a disturbance,
+    a heating of what that left and a force had its place."""
+    begun: list[tuple[float, bool]] = []
+
+    def anew(self: Refinement, one: Refit, least: float = -np.inf, *, by_itself: bool = False) -> Refit:
+        begun.append((one.gain, by_itself))
+        return replace(one, gain=one.gain + 1000.0)
+
+    best, still = candidate([0.0, 0.0, 5.0], 100.0, Amounts()), candidate([0.0, 0.0, 1.0], -5.0, Amounts())
+    film = Variant("squeeze_film", (EffectUnknown("squeeze_film", "damping"),))
+    unknowns = replace(UNKNOWNS, effects=film.unknowns)
+    still = replace(still, variant=film, fit=replace(still.fit, stuck=stuck, unknowns=unknowns))
+    monkeypatch.setattr(Refinement, "_screened", lambda self, scores: ([best, still], []))
+    monkeypatch.setattr(Refinement, "from_small_amounts", anew)
+    monkeypatch.setattr(Refinement, "raced", lambda self, kept: kept)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, **how: one)
+    monkeypatch.setattr(fitting.Fit, "excess", {"position_m": 1.0})
+    base = base_at([2 * SANE, 0.0], base_at([1.0, 0.0]) if lost else None)
+    scores = [Score(best.variant, 300.0, np.zeros(1), np.zeros(2), np.eye(1))]
+    scores += [Score(still.variant, said, np.zeros(1), np.zeros(2), np.eye(1))]
+    found = Refinement(base, str, FitMemory()).best_first(scores)
+    assert begun[:1] == ([] if first is None else [(first, True)])
+    assert len(found) == 2
 
 
 def test_what_will_not_come_to_the_least_that_counts_goes_no_further(begun) -> None:
