@@ -1,14 +1,16 @@
 """What the diagnosis of a record of 12 s at 10 kHz takes: time on the clock, CPU time, memory; all effects tried.
 
     python benchmarks/diagnosis_speed.py [--threads N] [--every [--rigs R,S]] [--records D] [--results F [--times N]]
-                                          [--docs]
+                                          [--slower X] [--docs]
 
 Eight seconds of noise to fit, four of a swept sine held out, on the reference actuator and on a levitator under its
 controller, one effect of 3 % or none hidden; with --every each effect of the catalogue in turn on the rigs that --rigs
 names. Each record is diagnosed in a process of its own, numba loaded before. The levitator's take a minute each to be
 made: with --records they are kept in a folder. With --results rows are appended to a file as they are measured, and
 what it has is not measured again, unless it is to be so more `--times`: of several the quickest counts, since what else
-a machine does takes time and never gives any. With --docs the table takes its place in docs/diagnosis.md.
+a machine does takes time and never gives any. `--slower` is how many times as long as another machine this one takes
+for the same: times of every effect are told for that one as well. With --docs the table takes its place in
+docs/diagnosis.md.
 """
 
 import argparse
@@ -133,6 +135,7 @@ def main() -> None:
     parser.add_argument(
         "--times", type=int, default=1, help="measurements of each record in that file, with those there"
     )
+    parser.add_argument("--slower", type=float, default=1.0, help="times as long as another machine, of --every")
     parser.add_argument("--docs", action="store_true")
     options = parser.parse_args()
     if options.one:
@@ -150,7 +153,7 @@ def main() -> None:
             continue
         rows.append(min(own, key=lambda row: float(row["wall"])))
         print(line_of(rows[-1]), flush=True)
-    text = "\n".join(totals(rows, options.threads) if options.every else listed(rows, options.threads))
+    text = "\n".join(totals(rows, options) if options.every else listed(rows, options.threads))
     if options.every:
         print(text)
     if options.docs:
@@ -185,20 +188,24 @@ def line_of(row: Row) -> str:
     return f"| {row['rig']}, {row['drive']}, {row['hidden']} | {took} | {said} |"
 
 
-def totals(rows: Sequence[Row], threads: int) -> list[str]:
-    """A table of the median and of the slowest by rig and drive, and how often the hidden effect came first."""
+def totals(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
+    """A table of the median and of the slowest by rig and drive, here and where all is faster by `options.slower`, and
+    how often the hidden effect came first."""
     lines = [
-        f"| every effect ({threads} threads) | median | slowest | within 40 s | most memory | named first |",
-        "| --- | ---: | --- | ---: | --- | ---: |",
+        f"| every effect ({options.threads} threads) | median | slowest | {options.slower:g} times as fast: median | "
+        "slowest | within 40 s there | most memory | named first |",
+        "| --- | ---: | --- | ---: | ---: | ---: | --- | ---: |",
     ]
     for rig, drive in dict.fromkeys((row["rig"], row["drive"]) for row in rows):
         own = [row for row in rows if (row["rig"], row["drive"]) == (rig, drive)]
         slow, fat = (max(own, key=lambda row, what=what: float(row[what])) for what in ("wall", "memory"))
         first = sum(row["names"][:1] == [effect_of(row)] for row in own)
-        within, middle = sum(row["wall"] <= 40 for row in own), median(row["wall"] for row in own)
+        there = [float(row["wall"]) / options.slower for row in own]
         lines.append(
-            f"| {rig}, {drive} drive | {middle:.0f} s | {slow['wall']:.0f} s ({effect_of(slow)}) | "
-            f"{within} of {len(own)} | {fat['memory']:.0f} MB ({effect_of(fat)}) | {first} of {len(own)} |"
+            f"| {rig}, {drive} drive | {median(row['wall'] for row in own):.0f} s | "
+            f"{slow['wall']:.0f} s ({effect_of(slow)}) | {median(there):.0f} s | {max(there):.0f} s | "
+            f"{sum(wall <= 40 for wall in there)} of {len(own)} | {fat['memory']:.0f} MB ({effect_of(fat)}) | "
+            f"{first} of {len(own)} |"
         )
     return lines
 

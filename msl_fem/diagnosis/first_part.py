@@ -43,6 +43,7 @@ def best_first(
             gains = ((one, led[0].gain - (refits[0].gain - one.gain) / share) for one in refits)
             return [*led, *(replace(one, gain=gain) for one, gain in gains if one.variant not in near)]
         let_go(led)
+        return whole.best_first([score for score in candidates if score.variant not in near], led)
     return whole.best_first(candidates)
 
 

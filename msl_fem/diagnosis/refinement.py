@@ -102,16 +102,16 @@ class Refinement:
         self.near, self.lost = base.sane or base, base.sane is not None
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
 
-    def best_first(self, candidates: Sequence[Score]) -> list[Refit]:
-        """All refits by their gain."""
+    def best_first(self, candidates: Sequence[Score], led: Sequence[Refit] = ()) -> list[Refit]:
+        """All refits by their gain, those that were `led` to their ends before among them."""
         if self.lost:  # where no gain over the base means anything
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
-        further, ended = self._screened(candidates)
-        kept, eliminated = _in_front(self._held_up([*further, *ended]))
+        further, ended = self._screened(candidates, led)
+        kept, eliminated = _in_front(self._held_up([*further, *ended]), led)
         let_go(eliminated)
         if self.lost:
-            still = _still(eliminated, candidates, max((refit.gain for refit in kept), default=0.0))
+            still = _still(eliminated, candidates, max((refit.gain for refit in [*kept, *led]), default=0.0))
             kept, behind = self._lost_from_small_amounts([*still, *sorted(kept, key=by_gain)])
             eliminated = [*(refit for refit in eliminated if refit not in still), *behind]
         raced = self.raced(kept)
@@ -123,7 +123,7 @@ class Refinement:
             leader = self._of_other_shapes(self.converged(refined[0], leads=True))
             leader = self._fuller(leader, [*refined[1:], *eliminated])
         if leader is None:
-            return sorted([*refined, *eliminated], key=by_gain)
+            return sorted([*led, *refined, *eliminated], key=by_gain)
         anew = self._made_up_for([leader, *refined[1:], *eliminated])
         again = {refit.variant for refit in anew}
         near: list[Refit] = []
@@ -137,7 +137,7 @@ class Refinement:
             is_near = may_gain and _at_its_end(refit) > leader.gain - margin
             (near if is_near else far).append(refit)
         converged = self._together(lambda one: self.converged(one, behind=leader.gain - one.gain), near)
-        return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], far)
+        return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], [*led, *far])
 
     def _lost_from_small_amounts(self, kept: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
         """Candidates beside a model that is lost, the likeliest first, begun once more, and those too far behind the
@@ -227,8 +227,12 @@ class Refinement:
         plan = FitPlan(most_steps=FIRST_LOOK, enough=ROUGHLY_CONVERGED, renew=False)
         unknowns = extended(self.base.unknowns, score.variant)
         begin = self.memory.end_of(fit_name(self.base.unknowns, score.variant.name), unknowns)
+        if begin is not None:  # where it ended over stretches of its own, which are not those it begins with here
+            again = self._tried(self.near, score.variant, begin, plan, self.nuisance_columns)
+            if again is not None:
+                return again
         try:
-            near, known = (self.near, begin) if begin is not None else self._known_of_part(score.variant)
+            near, known = self._known_of_part(score.variant)
             if known is None:  # at the same time, all their runs would be in the memory together
                 known = started(near, score, near.likelihood.gathering(gathered_here()))
             return self._refit(near, score.variant, known, plan, self.nuisance_columns)
@@ -250,19 +254,19 @@ class Refinement:
             return replace(self.near, likelihood=likelihood.gathering(None)), z
         return self.near, None
 
-    def _screened(self, candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
-        """Candidates that were screened, and those that ended after a first look. Where one of those in `FRONT` by
-        their linear scores leaves nearly noise alone, and bends no believed parameter, the others have nothing to come
-        to but those of effects that gains make up for, for which it may stand in."""
+    def _screened(self, candidates: Sequence[Score], led: Sequence[Refit] = ()) -> tuple[list[Refit], list[Refit]]:
+        """Candidates that were screened, and those that ended after a first look, beside what was `led` before. Where
+        one of those in `FRONT` by their linear scores leaves nearly noise alone, and bends no believed parameter, the
+        others have nothing to come to but those of effects that gains make up for, for which it may stand in."""
         most = max((score.gain for score in candidates), default=0.0)
         every = self.lost or white(self.base.excess)
         front = [score for score in candidates if every or score.gain >= FRONT * most]
         behind = [score for score in candidates if score not in front]
-        further, ended = self._screened_beside([], front)
+        further, ended = self._screened_beside(led, front)
         if further and self.takes_all(best := min(further, key=by_gain)):
             behind = [score for score in behind if score.variant.effect in MADE_UP]
             behind = behind if behind and self._stands_in(best) else []
-        more, also = self._screened_beside(further, behind)
+        more, also = self._screened_beside([*led, *further], behind)
         return [*further, *more], [*ended, *also]
 
     def _screened_beside(self, others: Sequence[Refit], candidates: Sequence[Score]) -> tuple[list[Refit], list[Refit]]:
@@ -568,10 +572,11 @@ class Refinement:
         return Refit(variant, found, found.log_evidence - self.base.log_evidence)
 
 
-def _in_front(refits: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
-    """Those that go on, and those too far behind the best."""
+def _in_front(refits: Sequence[Refit], led: Sequence[Refit] = ()) -> tuple[list[Refit], list[Refit]]:
+    """Those that go on, and those too far behind the best, or what was led to its end before."""
     best = max((refit.gain for refit in refits), default=0.0)
-    behind = [refit for refit in refits if _is_behind(refit, best)]
+    end = max((refit.gain - NEAR for refit in led), default=-np.inf)
+    behind = [refit for refit in refits if _is_behind(refit, best) or refit.promised <= end]
     return [refit for refit in refits if refit not in behind], behind
 
 

@@ -497,7 +497,7 @@ def test_beside_a_lost_model_what_could_not_move_begins_anew_where_the_linear_mo
     film = Variant("squeeze_film", (EffectUnknown("squeeze_film", "damping"),))
     unknowns = replace(UNKNOWNS, effects=film.unknowns)
     still = replace(still, variant=film, fit=replace(still.fit, stuck=stuck, unknowns=unknowns))
-    monkeypatch.setattr(Refinement, "_screened", lambda self, scores: ([best, still], []))
+    monkeypatch.setattr(Refinement, "_screened", lambda self, scores, led: ([best, still], []))
     monkeypatch.setattr(Refinement, "from_small_amounts", anew)
     monkeypatch.setattr(Refinement, "raced", lambda self, kept: kept)
     monkeypatch.setattr(Refinement, "converged", lambda self, one, **how: one)

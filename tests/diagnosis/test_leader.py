@@ -187,6 +187,35 @@ def test_beside_a_leader_that_leaves_noise_no_other_form_of_its_effect_is_led_to
     assert [one.gain for one in found] == [1000.0, 999.0, 998.0], "it is told as far as it came"
 
 
+@pytest.mark.parametrize(("promised", "screened_on", "ended"), [(1.0, 0, 0), (50.0, 1, 0), (800.0, 1, 1)])
+def test_beside_what_was_led_to_its_end_before_others_go_as_far_as_they_may_still_lead(
+    monkeypatch, promised: float, screened_on: int, ended: int
+) -> None:
+    """Of 1000 nats, with another cause at 60: it ends after a first look, before the race, or is led to its end."""
+    seen: list[str] = []
+
+    def step(name: str) -> Any:
+        def noted(self: Refinement, one: Refit, **how: object) -> Refit:
+            seen.append(name)
+            return one
+
+        return noted
+
+    other = replace(refit([0.1, 0.1, 0.1], 60.0, promised), variant=Variant("structural_mode", FRICTION.amounts))
+    monkeypatch.setattr(Refinement, "screened", lambda self, score: other)
+    monkeypatch.setattr(Refinement, "screened_on", step("on"))
+    monkeypatch.setattr(Refinement, "converged", step("end"))
+    monkeypatch.setattr(Refinement, "raced", lambda self, kept: kept)
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
+    monkeypatch.setattr(Fit, "excess", {"position_m": 2.0})
+    score: Any = SimpleNamespace(gain=1.0, variant=other.variant)
+    known = refit([0.1, 0.1, 0.1], 1000.0, 0.0)
+    found = Refinement(BASE, lambda text: None, FitMemory()).best_first([score], [known])
+    assert [one.gain for one in found] == [1000.0, 60.0]
+    assert found[0] is known
+    assert (seen.count("on"), seen.count("end")) == (screened_on, ended)
+
+
 def test_a_candidate_whose_next_step_promises_the_lead_goes_on() -> None:
     """Remanence beside early saturation: 849 nats, 927 after a round that promises 413 more, the leader 1189."""
     before, after = refit([0.1, 0.1, 0.1], 848.9), refit([0.1, 0.1, 0.1], 926.8)
