@@ -10,7 +10,7 @@ from msl_fem.computing.gauss_newton import descend
 from msl_fem.diagnosis import fit as fitting
 from msl_fem.diagnosis import runs, scores, search
 from msl_fem.diagnosis.fit import SANE, SHORT_WAY, STILL_HOT, FitPlan, beyond_sanity, fit
-from msl_fem.diagnosis.fit_memory import FitMemory
+from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.likelihood import Columns
 from msl_fem.diagnosis.noise import weights_of
 from msl_fem.diagnosis.problem import Points
@@ -508,6 +508,28 @@ def test_beside_a_lost_model_what_could_not_move_begins_anew_where_the_linear_mo
     found = Refinement(base, str, FitMemory()).best_first(scores)
     assert begun[:1] == ([] if first is None else [(first, True)])
     assert len(found) == 2
+
+
+def test_a_candidate_whose_end_cannot_be_simulated_where_it_is_taken_up_begins_as_if_it_were_new(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An interrupted diagnosis knows where its fits ended, and not over which stretches."""
+    tried: list[float] = []
+
+    def fitted(self: Refinement, near: fitting.Fit, variant: Variant, z: np.ndarray, *rest: object) -> Refit:
+        tried.append(z[-1])
+        if z[-1] == 7.0:
+            raise ComputationError("the simulation fails at the start of the fit")
+        return candidate(list(z), 50.0, near.likelihood)
+
+    monkeypatch.setattr(Refinement, "_refit", fitted)
+    monkeypatch.setattr("msl_fem.diagnosis.refinement.started", lambda near, *which: np.array([0.0, 0.0, 1.0]))
+    race = refinement([1.0, 0.0])
+    race.memory.ended(fit_name(race.base.unknowns, CUBIC.name), np.array([0.0, 0.0, 7.0]))
+    found = race.screened(Score(CUBIC, 1.0, np.zeros(1), np.zeros(2), np.eye(1)))
+    assert tried == [7.0, 1.0]
+    assert found is not None
+    assert found.gain == 50.0
 
 
 def test_what_will_not_come_to_the_least_that_counts_goes_no_further(begun) -> None:
