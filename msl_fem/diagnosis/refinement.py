@@ -103,7 +103,7 @@ class Refinement:
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
 
     def best_first(self, candidates: Sequence[Score], led: Sequence[Refit] = ()) -> list[Refit]:
-        """All refits by their gain, those that were `led` to their ends before among them."""
+        """All refits by their gain, those that were `led` to their ends before, the best first, among them."""
         if self.lost:  # where no gain over the base means anything
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
@@ -122,8 +122,12 @@ class Refinement:
         if refined and refined[0].gain > 0:
             leader = self._of_other_shapes(self.converged(refined[0], leads=True))
             leader = self._fuller(leader, [*refined[1:], *eliminated])
+        known = list(led)
+        if led and (leader is None or led[0].gain > leader.gain):
+            known = [*led[1:], *([] if leader is None else [leader])]
+            leader, refined = led[0], [led[0], *(refined if leader is None else refined[1:])]
         if leader is None:
-            return sorted([*led, *refined, *eliminated], key=by_gain)
+            return sorted([*refined, *eliminated], key=by_gain)
         anew = self._made_up_for([leader, *refined[1:], *eliminated])
         again = {refit.variant for refit in anew}
         near: list[Refit] = []
@@ -137,7 +141,7 @@ class Refinement:
             is_near = may_gain and _at_its_end(refit) > leader.gain - margin
             (near if is_near else far).append(refit)
         converged = self._together(lambda one: self.converged(one, behind=leader.gain - one.gain), near)
-        return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], [*led, *far])
+        return self._led([leader, *(self.converged(form, leads=True) for form in forms), *converged], [*known, *far])
 
     def _lost_from_small_amounts(self, kept: Sequence[Refit]) -> tuple[list[Refit], list[Refit]]:
         """Candidates beside a model that is lost, the likeliest first, begun once more, and those too far behind the

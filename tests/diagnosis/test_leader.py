@@ -216,6 +216,24 @@ def test_beside_what_was_led_to_its_end_before_others_go_as_far_as_they_may_stil
     assert (seen.count("on"), seen.count("end")) == (screened_on, ended)
 
 
+def test_what_was_led_before_may_stand_in_for_what_gains_make_up_for(monkeypatch) -> None:
+    """As one that leads now: remanence far behind it is begun at the belief, and leads."""
+    remanence = Variant("remanent_flux", FRICTION.amounts)
+    other = replace(refit([0.1, 0.1, 0.1], 60.0, 0.0), variant=remanence)
+    monkeypatch.setattr(Refinement, "screened", lambda self, score: other)
+    monkeypatch.setattr(Refinement, "converged", lambda self, one, **how: one)
+    monkeypatch.setattr(Refinement, "_stands_in", lambda self, leader: leader is known)
+    monkeypatch.setattr(
+        Refinement, "from_small_amounts", lambda self, one, *least, by_itself: replace(one, gain=2000.0)
+    )
+    monkeypatch.setattr(Refinement, "_together", lambda self, step, items: [step(item) for item in items])
+    monkeypatch.setattr(Fit, "excess", {"position_m": 2.0})
+    known = refit([0.1, 0.1, 0.1], 1000.0, 0.0)
+    score: Any = SimpleNamespace(gain=1.0, variant=remanence)
+    found = Refinement(BASE, lambda text: None, FitMemory()).best_first([score], [known])
+    assert [(one.variant.effect, one.gain) for one in found] == [("remanent_flux", 2000.0), (FRICTION.effect, 1000.0)]
+
+
 def test_a_candidate_whose_next_step_promises_the_lead_goes_on() -> None:
     """Remanence beside early saturation: 849 nats, 927 after a round that promises 413 more, the leader 1189."""
     before, after = refit([0.1, 0.1, 0.1], 848.9), refit([0.1, 0.1, 0.1], 926.8)
