@@ -153,7 +153,7 @@ def main() -> None:
             continue
         rows.append(min(own, key=lambda row: float(row["wall"])))
         print(line_of(rows[-1]), flush=True)
-    text = "\n".join(totals(rows, options) if options.every else listed(rows, options.threads))
+    text = "\n".join(totals(rows, options.threads, options.slower) if options.every else listed(rows, options.threads))
     if options.every:
         print(text)
     if options.docs:
@@ -188,11 +188,11 @@ def line_of(row: Row) -> str:
     return f"| {row['rig']}, {row['drive']}, {row['hidden']} | {took} | {said} |"
 
 
-def totals(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
-    """A table of the median and of the slowest by rig and drive, here and where all is faster by `options.slower`, and
-    how often the hidden effect came first."""
+def totals(rows: Sequence[Row], threads: int, slower: float) -> list[str]:
+    """A table of the median and of the slowest by rig and drive, here and on a machine than which this one is so many
+    times slower, and how often the hidden effect came first."""
     lines = [
-        f"| every effect ({options.threads} threads) | median | slowest | {options.slower:g} times as fast: median | "
+        f"| every effect ({threads} threads) | median | slowest | {slower:g} times as fast: median | "
         "slowest | within 40 s there | most memory | named first |",
         "| --- | ---: | --- | ---: | ---: | ---: | --- | ---: |",
     ]
@@ -200,7 +200,7 @@ def totals(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
         own = [row for row in rows if (row["rig"], row["drive"]) == (rig, drive)]
         slow, fat = (max(own, key=lambda row, what=what: float(row[what])) for what in ("wall", "memory"))
         first = sum(row["names"][:1] == [effect_of(row)] for row in own)
-        there = [float(row["wall"]) / options.slower for row in own]
+        there = [float(row["wall"]) / slower for row in own]
         lines.append(
             f"| {rig}, {drive} drive | {median(row['wall'] for row in own):.0f} s | "
             f"{slow['wall']:.0f} s ({effect_of(slow)}) | {median(there):.0f} s | {max(there):.0f} s | "

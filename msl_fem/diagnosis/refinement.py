@@ -103,7 +103,7 @@ class Refinement:
         self.nuisance_columns = self.near.jacobian[:, : base.unknowns.n_nuisance]
 
     def best_first(self, candidates: Sequence[Score], led: Sequence[Refit] = ()) -> list[Refit]:
-        """All refits by their gain, those that were `led` to their ends before, the best first, among them."""
+        """All refits by their gain, those that were `led` to their ends before among them."""
         if self.lost:  # where no gain over the base means anything
             most = max((score.gain for score in candidates), default=0.0)
             candidates = [score for score in candidates if score.gain >= ELIMINATED * most]
@@ -122,18 +122,17 @@ class Refinement:
         if refined and refined[0].gain > 0:
             leader = self._of_other_shapes(self.converged(refined[0], leads=True))
             leader = self._fuller(leader, [*refined[1:], *eliminated])
-        known = list(led)
-        if led and (leader is None or led[0].gain > leader.gain):
-            known = [*led[1:], *([] if leader is None else [leader])]
-            leader, refined = led[0], [led[0], *(refined if leader is None else refined[1:])]
-        if leader is None:
+        others = refined if leader is None else refined[1:]
+        ends = sorted([*([] if leader is None else [leader]), *led], key=by_gain)
+        if not ends:
             return sorted([*refined, *eliminated], key=by_gain)
-        anew = self._made_up_for([leader, *refined[1:], *eliminated])
+        leader, *known = ends
+        anew = self._made_up_for([leader, *others, *eliminated])
         again = {refit.variant for refit in anew}
         near: list[Refit] = []
         margin = 0.0 if self.hopeless(leader) else NEAR  # beside one that does not count only what may overtake it
         far = [refit for refit in eliminated if refit.variant not in again]
-        others = [refit for refit in refined[1:] if refit.variant not in again]
+        others = [refit for refit in others if refit.variant not in again]
         forms = self._other_forms(leader, others)
         settled = {leader.variant.effect} if self._settles(leader) else set()
         for refit in [*anew, *(one for one in others if one not in forms)]:
