@@ -120,7 +120,7 @@ def measured(name: str, drive: str, hidden: str, threads: int, records: Path | N
     wall, cpu = time.monotonic(), time.process_time()
     found = diagnose(record, DiagnosisSettings(table=table, threads=threads))
     took = {"wall": time.monotonic() - wall, "cpu": time.process_time() - cpu, "seconds": seconds}
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
     print(json.dumps(took | {"memory": memory, "verdict": found.verdict, "names": found.names}))
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from msl_fem.computing.blas_threads import one_blas_thread
-from msl_fem.computing.malloc_arenas import few_arenas
+from msl_fem.computing.malloc import few_arenas
 from msl_fem.diagnosis.carriages import carriage, is_carriage
 from msl_fem.diagnosis.conclusion import EffectSearch, conclude
 from msl_fem.diagnosis.decision import TIE, too_few_because, undecidable_because

@@ -3,7 +3,8 @@
 What a cause of some per cent leaves in a record of many seconds is hundreds of times what names it, and each look at a
 candidate costs as much as the record is long. So all are looked at over the first stretches: which lead there is looked
 at before the others over the whole record, and begins where it has come to. The whole record decides alone: where what
-leads leaves more than a little of it, the others are looked at as well.
+leads leaves more than a little of it, the others are looked at as well, and where it bends what is believed those that
+do not lag far behind.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,12 +39,15 @@ def best_first(
     if refits and (there.lost or there.takes_all(refits[0])):
         near = {one.variant for one in refits if there.is_near(one, refits[0])}
         led = whole.best_first([score for score in candidates if score.variant in near])
-        if led and whole.takes_all(led[0]):
-            share = first.residual.size / base.residual.size
-            gains = ((one, led[0].gain - (refits[0].gain - one.gain) / share) for one in refits)
-            return [*led, *(replace(one, gain=gain) for one, gain in gains if one.variant not in near)]
-        let_go(led)
-        return whole.best_first([score for score in candidates if score.variant not in near], led)
+        far = [one for one in refits if one.variant not in near]
+        if not (led and whole.takes_all(led[0])):
+            let_go(led)
+            nearly = bool(led) and whole.takes_nearly_all(led[0])
+            far = [one for one in far if nearly and there.lags(one, refits[0])]
+            known = near | {one.variant for one in far}
+            led = whole.best_first([score for score in candidates if score.variant not in known], led)
+        share = first.residual.size / base.residual.size
+        return [*led, *(replace(one, gain=led[0].gain - (refits[0].gain - one.gain) / share) for one in far)]
     return whole.best_first(candidates)
 
 

@@ -10,6 +10,7 @@ it as long as each leaves little of what was left: forward selection by evidence
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from msl_fem.diagnosis.likelihood import Fit, white
 from msl_fem.diagnosis.linear_model import Background
 from msl_fem.diagnosis.null import AmountPlaces, NullDistribution, null_distribution
 from msl_fem.diagnosis.refinement import Refinement
-from msl_fem.diagnosis.refits import Refit
+from msl_fem.diagnosis.refits import Refit, let_go
 from msl_fem.diagnosis.scores import Score, score_of, seen_columns, signatures
 from msl_fem.diagnosis.search import converged_base, ranked
 from msl_fem.diagnosis.variants import record_features, variants
@@ -60,9 +61,8 @@ def chosen_terms(
         taken = () if found is None else found.laws
         before = base if found is None else found.fit
         with declared(*taken):
-            hopeless = partial(_hopeless, before, taken, LEAST if taken else least)
             tried = [law for law in laws if _goes_with(law, taken)]
-            further = _best_term(before, tried, tell, hopeless, LEAST if taken else least)
+            further = _best_term(before, tried, taken, tell, LEAST if taken else least)
         if further is None or not _worth(before, further, taken):
             break
         found = _with_term(base, found, further)
@@ -86,11 +86,12 @@ def _goes_with(law: LawExpression, taken: Sequence[LawExpression]) -> bool:
 def _best_term(
     base: Fit,
     laws: Sequence[LawExpression],
+    taken: Sequence[LawExpression],
     tell: Callable[[str], None],
-    hopeless: Callable[[Refit], bool],
     least: float,
 ) -> _Step | None:
-    """Every term scored, the best ones fitted anew with everything else."""
+    """Every term scored, the best ones beside those that were taken fitted anew with everything else: of a long record
+    first over its first part, where that tells them apart, and over all of it what has a prospect there."""
     tell(f"{len(laws)} terms of a formula")
     scores, null = _scored(base, laws)
     if not scores or scores[0].gain < max(LEAST, OUT_OF_SIGHT * least):
@@ -99,13 +100,32 @@ def _best_term(
     by_name = {law.effect: law for law in laws}
     tried = {law.effect: law for law in _within_room([by_name[name] for name in best])}
     with declared(*tried.values()):
-        refits = Refinement(base, lambda text: tell(f"a formula: {text}"), FitMemory(), hopeless).best_first(
-            [best[name] for name in best if name in tried]
-        )
+        refits = _refits([best[name] for name in best if name in tried], base, taken, tell, least)
         pairs = tuple((tried[refit.variant.effect], refit) for refit in refits)
         for _, refit in pairs:
             assert refit.fit.excess  # simulated while the terms are declared
     return _Step(pairs, null) if pairs else None
+
+
+def _refits(
+    scores: Sequence[Score], base: Fit, taken: Sequence[LawExpression], tell: Callable[[str], None], least: float
+) -> list[Refit]:
+    """Terms fitted anew beside a fit, best first. One that has to bring a share of the nats above noise has to bring it
+    of the first part of a long record as well: what has no prospect of it there is not looked at over all of it."""
+
+    def beside(found: Fit, least: float, **told: Any) -> Refinement:
+        return Refinement(
+            found, lambda text: tell(f"a formula: {text}"), FitMemory(), partial(_hopeless, found, taken, least), **told
+        )
+
+    first = None if base.sane is not None else in_first_part(base)
+    if first is None:
+        return beside(base, least).best_first(scores)
+    there = beside(first, least * first.nats_above_noise / base.nats_above_noise, of_part=True)
+    refits = there.best_first(scores)
+    ends = {one.variant: one.fit.z for one in refits if not there.hopeless(one)}
+    let_go(refits)
+    return beside(base, least, ends=ends).best_first([score for score in scores if score.variant in ends])
 
 
 def _scored(base: Fit, laws: Sequence[LawExpression]) -> tuple[list[Score], NullDistribution]:

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.malloc import give_back
 from msl_fem.diagnosis.fit import FIRST_LOOK, FitPlan, fit
 from msl_fem.diagnosis.fit_memory import FitMemory, fit_name
 from msl_fem.diagnosis.gathered import Item, Stepped, gathered_here, in_gatherings
@@ -159,7 +160,7 @@ class Refinement:
         least = first.gain - NEAR
         begun = [first, *self._together(lambda one: self.from_small_amounts(one, least), near)]
         best = min(begun, key=by_gain)
-        if not (self.takes_all(best) or (self.of_part and self._takes_nearly_all(best))):
+        if not (self.takes_all(best) or (self.of_part and self.takes_nearly_all(best))):
             farther = self._together(lambda one: self.from_small_amounts(one, least), farther)
         return _in_front([*begun, *farther])
 
@@ -222,6 +223,7 @@ class Refinement:
 
     def _together(self, step: Callable[[Item], Stepped], items: Sequence[Item]) -> list[Stepped]:
         """A step of each, all at the same time, over stretches `AT_ONCE`; it comes to that of one after the other."""
+        give_back()
         at_once = AT_ONCE if self.base.likelihood.is_cut else len(items)
         return in_gatherings(step, items, at_once=at_once, threads=self.base.likelihood.threads)
 
@@ -292,14 +294,20 @@ class Refinement:
             return False
         if self.lost or leaves_noise(refit) or not self.base.likelihood.is_cut:
             return leaves_noise(refit)
-        return self._takes_nearly_all(refit)
+        return self.takes_nearly_all(refit)
 
     def is_near(self, refit: Refit, leader: Refit) -> bool:
         """Whether a candidate is so near the one that leads that it may overtake it over the whole record, or at its
         end."""
         return refit.gain > leader.gain - (LOST_NEAR * abs(leader.gain) if self.lost else NEAR)
 
-    def _takes_nearly_all(self, refit: Refit) -> bool:
+    def lags(self, refit: Refit, leader: Refit) -> bool:
+        """Whether a candidate is so far behind one that leads over a part of the record that it would be eliminated
+        over the whole as well. Where the leader may stand in for it that is not so."""
+        return not self.lost and _is_behind(refit, leader.gain) and refit.variant.effect not in MADE_UP
+
+    def takes_nearly_all(self, refit: Refit) -> bool:
+        """Whether a candidate leaves little of the nats above white noise."""
         noise = refit.fit.nats_of_noise
         return refit.fit.objective - noise <= NEARLY_ALL * (self.base.objective - noise)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msl_fem.computing.arrays import Array, Slopes
+from msl_fem.computing.malloc import give_back
 from msl_fem.computing.threads import in_threads
 from msl_fem.diagnosis.likelihood import Fit
 from msl_fem.diagnosis.linear_model import Background
@@ -46,7 +47,7 @@ class Score:
     signature: Slopes | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class AmountColumns:
     """Columns (n_number, n_amount) of amounts at a fit, weighted as there, less what the unknowns there make up for,
     with how far the nuisances (n_nuisance, n_amount) move for that; and where each amount stands.
@@ -71,7 +72,11 @@ class AmountColumns:
 
     def suit(self, found: Fit) -> bool:
         """Whether they are of the numbers of another fit."""
-        return self.begins == found.likelihood.begins and self.root.size == found.residual.size
+        return self.begins == found.likelihood.begins and len(self.weighted) == found.residual.size
+
+    def lets_go(self) -> None:
+        """The columns, together as large as all Jacobians: without them these suit no fit."""
+        self.weighted = self.weighted[:0].copy()
 
     def of(self, found: Fit, amounts: Sequence[Amount]) -> tuple[Slopes, Array]:
         """The columns of amounts, not weighted, and how far the unknowns of a fit (n_unknown, n_amount) move already
@@ -127,6 +132,7 @@ def scored(
     columns of a fit near by, that do where they are of the same stretches."""
     if not tried:
         return ScoredVariants()
+    give_back()  # before what is as large as all Jacobians
     amounts = list(dict.fromkeys((amount, variant.shapes) for variant in tried for amount in variant.amounts))
     raw, moved = (signatures(found, amounts), None) if near is None or not near.suit(found) else near.of(found, amounts)
     seen = seen_columns(raw)

@@ -94,12 +94,14 @@ def search_stage(
 
     beside = quiet and near is not None and not strained(base, BENT)
     if beside:
-        roughly = scored(base, tried, near=near)
+        roughly = replace(scored(base, tried, near=near), columns=None)
         seen = {score.variant.effect for score in filter(worth, roughly.scores)}
         if not seen:
             return SearchStage(base, roughly.scores, (), roughly.null)
         tried = _of_effects({*seen, *COMPENSATED}, tried)
-    telling = None if quiet else near  # what is faint beside noise, columns from far away do not tell
+    elif quiet and near is not None:  # what is faint beside noise, columns from far away do not tell
+        near.lets_go()
+    telling = None if quiet else near
     at_base = scored_where_likely(base, tried, telling)
     if at_base.dropped:
         tell(f"all effects but those with which the runs cannot be simulated here: {', '.join(at_base.dropped)}")
@@ -109,6 +111,8 @@ def search_stage(
         if base is not start:
             at_base = scored_where_likely(base, tried, telling)
             every = at_base.scores
+    columns = near if beside else at_base.columns
+    at_base = replace(at_base, columns=None)
     candidates = ranked(every)
     candidates += peaks(every, candidates)
     if not quiet and base.sane is None:
@@ -124,7 +128,7 @@ def search_stage(
     kept = memory or FitMemory()
     kept.ended(fit_name(base.unknowns), base.z)
     refits = best_first(base, candidates, partial(Refinement, tell=tell, hopeless=hopeless, variants=tried), kept)
-    return SearchStage(base, every, tuple(refits), at_base.null, near if beside else at_base.columns)
+    return SearchStage(base, every, tuple(refits), at_base.null, columns)
 
 
 def scored_where_likely(base: Fit, tried: Sequence[Variant], near: AmountColumns | None) -> ScoredVariants:

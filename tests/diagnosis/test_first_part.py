@@ -26,6 +26,7 @@ from msl_fem.diagnosis.runs import Runs, dynamic_runs
 from msl_fem.diagnosis.settings import DiagnosisSettings
 from msl_fem.diagnosis.variants import Variant
 from msl_fem.plant import lane_run
+from msl_fem.plant.effects import declared
 from msl_fem.plant.lane_block import Lanes
 from msl_fem.plant.segments import Segment, segments_for
 from msl_fem.prediction import ModelHypothesis, run_data
@@ -190,16 +191,21 @@ def test_a_cause_is_the_same_by_either_way(kind, base, long, monkeypatch) -> Non
     assert {one.variant for one in as_a_whole.refits if one.gain > 0.5 * other.gain} <= told
 
 
-FRICTION, MODE, LAG = (Variant(name, ()) for name in ("coulomb_friction", "structural_mode", "time_delay"))
+FRICTION, MODE, LAG, REMANENCE = (
+    Variant(name, ()) for name in ("coulomb_friction", "structural_mode", "time_delay", "remanent_flux")
+)
 
 
 class Asked:
     """A refinement that makes of candidates what it is told, and notes of which it was asked."""
 
-    is_near = Refinement.is_near
+    is_near, lags = Refinement.is_near, Refinement.lags
 
-    def __init__(self, gains: dict[Variant, float], *, takes: bool, lost: bool = False) -> None:
+    def __init__(
+        self, gains: dict[Variant, float], *, takes: bool, lost: bool = False, takes_nearly: bool = False
+    ) -> None:
         self.gains, self.takes, self.lost, self.asked = gains, takes, lost, list[list[Variant]]()
+        self.takes_nearly = takes_nearly
         self.told: dict[str, Any] = {}
 
     def best_first(self, candidates: list[Any], led: Sequence[Refit] = ()) -> list[Refit]:
@@ -210,6 +216,9 @@ class Asked:
 
     def takes_all(self, refit: Refit) -> bool:
         return self.takes
+
+    def takes_nearly_all(self, refit: Refit) -> bool:
+        return self.takes_nearly
 
 
 @pytest.mark.parametrize(("part_takes", "whole_takes"), [(True, True), (True, False), (False, True)])
@@ -241,6 +250,29 @@ def test_what_leads_over_the_part_is_asked_first_and_the_whole_decides(
     assert [one.variant for one in found] == [FRICTION, MODE, LAG]
     behind = 4000.0 - 4 * 400.0 if part_takes and whole_takes else 2400.0
     assert found[2].gain == pytest.approx(behind), "as if the rest of the record were like its part"
+
+
+@pytest.mark.parametrize(("nearly", "lost"), [(True, False), (False, False), (True, True)])
+def test_what_lags_far_behind_over_the_part_is_not_looked_at_beside_what_leaves_little_of_the_whole(
+    monkeypatch, nearly: bool, lost: bool
+) -> None:
+    """Though that bends what is believed, as a drive's limit does: over the whole record it would be eliminated as over
+    the part. Not so what the leader may stand in for, nor beside a model that is lost, whose nats mean little."""
+    gains = {FRICTION: 1000.0, MODE: 300.0, LAG: 200.0, REMANENCE: 100.0}
+    part = Asked(gains, takes=True, lost=lost)
+    whole = Asked({name: 4 * gain for name, gain in gains.items()}, takes=False, lost=lost, takes_nearly=nearly)
+    monkeypatch.setattr(first_part, "_over_first_part", lambda base: SimpleNamespace(residual=np.zeros(25)))
+    base: Any = SimpleNamespace(residual=np.zeros(100), unknowns=SimpleNamespace(effects=()))
+    candidates: Any = [SimpleNamespace(variant=one) for one in gains]
+    found = first_part.best_first(base, candidates, lambda own, **told: whole if own is base else part, FitMemory())
+    rest = [MODE, REMANENCE] if nearly and not lost else [MODE, LAG, REMANENCE]
+    assert whole.asked == [[FRICTION], rest]
+    assert sorted((one.variant.effect, one.gain) for one in found) == [
+        ("coulomb_friction", 4000.0),
+        ("remanent_flux", 400.0),
+        ("structural_mode", 1200.0),
+        ("time_delay", 4000.0 - 4 * 800.0),
+    ]
 
 
 def test_a_candidate_begins_where_it_came_to_over_the_part_if_that_is_better(base, monkeypatch) -> None:
@@ -308,3 +340,35 @@ def test_terms_of_a_formula_are_scored_over_the_part_as_if_the_rest_were_like_it
     with pytest.raises(ZeroDivisionError):
         formula_search._scored(base, [rub])
     assert asked[0] < 0.7 * base.residual.size
+
+
+def test_a_term_without_a_prospect_over_the_part_is_not_looked_at_over_all(base, long, monkeypatch) -> None:
+    """That of friction is, from where it came to over the part, if it is asked for nine tenths of what is above noise;
+    a damper is not. Where nothing is asked of them both are."""
+    rub = expression("rub", "force", "-a*tanh(v/w)", {"a": "0..1 N", "w": "0.1..10 mm/s"})
+    damping = expression("damping", "force", "-a*v", {"a": "0..10 N s/m"})
+    scores, _ = formula_search._scored(base, [rub, damping])
+    best = list(formula_search._first_of_each(scores).values())
+    looked: list[tuple[str, int, bool]] = []
+    plain = Refinement.screened
+
+    def noted(self: Refinement, score: Any) -> Any:
+        begins = score.variant in self.ends
+        looked.append((score.variant.effect, self.base.residual.size, begins))
+        return plain(self, score)
+
+    monkeypatch.setattr(Refinement, "screened", noted)
+    with declared(rub, damping):
+        [found] = formula_search._refits(best, base, (), str, 0.9 * base.nats_above_noise)
+    assert found.variant.effect == rub.effect
+    assert found.fit.residual.size == base.residual.size
+    assert found.gain > 0.9 * base.nats_above_noise
+    over_all = [(effect, begins) for effect, size, begins in looked if size == base.residual.size]
+    assert over_all == [(rub.effect, True)]
+    assert {effect for effect, *_ in looked} == {rub.effect, damping.effect}
+    monkeypatch.setattr(formula_search, "_hopeless", lambda *_: False)
+    looked.clear()
+    with declared(rub, damping):
+        formula_search._refits(best, base, (), str, 0.0)
+    over_all = [(effect, begins) for effect, size, begins in looked if size == base.residual.size]
+    assert dict(over_all) == {rub.effect: True, damping.effect: True}

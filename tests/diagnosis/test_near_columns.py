@@ -103,6 +103,7 @@ def test_where_some_can_count_these_alone_are_scored_once_more(asked) -> None:
     assert asked[0] == 2, "cubic spring and gap"
     assert stage.refits[0].variant == tried[0]
     assert stage.columns is near
+    assert near.suit(beside)
 
 
 def test_beside_noise_all_are_scored_exactly_where_parameters_are_bent(monkeypatch) -> None:
@@ -114,6 +115,10 @@ def test_beside_noise_all_are_scored_exactly_where_parameters_are_bent(monkeypat
     assert scored(beside, VARIANTS[1:], near=near).scores[0].gain < 5.0
     stage = search_stage(beside, VARIANTS[1:], tell=str, needed=lambda variant: 24.0, near=near)
     assert [one.variant for one in stage.refits] == VARIANTS[1:]
+    assert not near.weighted.size, "nobody asks for them any more, and whoever has these has no memory by it"
+    assert not near.suit(beside)
+    assert stage.columns is not None
+    assert stage.columns.suit(beside)
 
 
 def test_where_more_than_noise_is_left_what_is_not_among_the_best_keeps_its_rough_score(asked, monkeypatch) -> None:
