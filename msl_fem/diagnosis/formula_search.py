@@ -100,7 +100,7 @@ def _best_term(
     by_name = {law.effect: law for law in laws}
     tried = {law.effect: law for law in _within_room([by_name[name] for name in best])}
     with declared(*tried.values()):
-        refits = _refits([best[name] for name in best if name in tried], base, taken, tell, least)
+        refits = _refits(base, [best[name] for name in best if name in tried], taken, tell, least)
         pairs = tuple((tried[refit.variant.effect], refit) for refit in refits)
         for _, refit in pairs:
             assert refit.fit.excess  # simulated while the terms are declared
@@ -108,7 +108,7 @@ def _best_term(
 
 
 def _refits(
-    scores: Sequence[Score], base: Fit, taken: Sequence[LawExpression], tell: Callable[[str], None], least: float
+    base: Fit, scores: Sequence[Score], taken: Sequence[LawExpression], tell: Callable[[str], None], least: float
 ) -> list[Refit]:
     """Terms fitted anew beside a fit, best first. One that has to bring a share of the nats above noise has to bring it
     of the first part of a long record as well: what has no prospect of it there is not looked at over all of it."""

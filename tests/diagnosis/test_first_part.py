@@ -359,7 +359,7 @@ def test_a_term_without_a_prospect_over_the_part_is_not_looked_at_over_all(base,
 
     monkeypatch.setattr(Refinement, "screened", noted)
     with declared(rub, damping):
-        [found] = formula_search._refits(best, base, (), str, 0.9 * base.nats_above_noise)
+        [found] = formula_search._refits(base, best, (), str, 0.9 * base.nats_above_noise)
     assert found.variant.effect == rub.effect
     assert found.fit.residual.size == base.residual.size
     assert found.gain > 0.9 * base.nats_above_noise
@@ -369,6 +369,6 @@ def test_a_term_without_a_prospect_over_the_part_is_not_looked_at_over_all(base,
     monkeypatch.setattr(formula_search, "_hopeless", lambda *_: False)
     looked.clear()
     with declared(rub, damping):
-        formula_search._refits(best, base, (), str, 0.0)
+        formula_search._refits(base, best, (), str, 0.0)
     over_all = [(effect, begins) for effect, size, begins in looked if size == base.residual.size]
     assert dict(over_all) == {rub.effect: True, damping.effect: True}
